@@ -16,19 +16,25 @@ import random
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 
 import can
 
+from drivers.codecs.ati_netft import read_configuration
 from drivers.codecs.board import MessageReader
 from drivers.codecs.bota import BotaParser
 from drivers.codecs.ft300 import Ft300Parser
+from drivers.device import DatagramDevice
 from drivers.rig_file import read_rig_file
 from drivers.transports.slcan import decode
 from sim_backend.wire.slcan_adapter import SlcanAdapter
 
 ROOT = Path(__file__).parents[1]
 GOOD = {
+    "ati_netft": bytes.fromhex("00000001 00000102 00000000") + bytes(range(24)),
+    "netftapi2": b"<netft><scfgfu>N</scfgfu><scfgtu>Nm</scfgtu><cfgcpf>1000</cfgcpf>"
+    b"<cfgcpt>1000</cfgcpt><comrdtrate>100</comrdtrate></netft>",
     "bota": bytes.fromhex(
         "aa00000000803f0000004000004040cdcccc3dcdcc4c3e9a99993ee80300000000c841dabb"
     ),
@@ -62,6 +68,12 @@ def slcan_line(data: bytes) -> None:
         decode(data.rstrip(b"\r"), 0.0)
 
 
+def page(data: bytes) -> None:
+    """Read the page of a sensor. Only ValueError is an allowed exception."""
+    with contextlib.suppress(ValueError):
+        read_configuration(data)
+
+
 def parsers() -> Iterator[tuple[str, bytes, Callable[[bytes], object]]]:
     """Yield every parser of bytes: its name, a valid frame, and the function that parses bytes."""
     from drivers.codecs import board
@@ -69,14 +81,20 @@ def parsers() -> Iterator[tuple[str, bytes, Callable[[bytes], object]]]:
     yield "board", board.frame(board.HELLO, 1), MessageReader(Counter()).feed
     yield "bota", GOOD["bota"], BotaParser(Counter()).feed
     yield "ft300", GOOD["ft300"], Ft300Parser(Counter()).feed
+    yield "netftapi2.xml", GOOD["netftapi2"], page
     yield "slcan line", GOOD["slcan"], slcan_line
     yield "slcan adapter", GOOD["slcan"], SlcanAdapter().receive
 
 
 def devices() -> Iterator[tuple[str, bytes, Callable[[bytes], object]]]:
-    """Yield every CAN device of the example rigs: its name, valid data, and receive function."""
+    """Yield every device of the example rigs that receives CAN frames or datagrams.
+
+    For each device, yield its name, valid data, and a function that receives data.
+    """
     for path in sorted((ROOT / "rigs").glob("*.toml")):
         for name, device in read_rig_file(path).make_devices().items():
+            if isinstance(device, DatagramDevice):
+                yield f"{path.stem}: {name}", GOOD["ati_netft"], partial(device.receive, time=0.0)
             if not hasattr(device, "identifiers"):
                 continue
             identifiers = list(device.identifiers())

@@ -5,7 +5,8 @@
 Hypothesis runs a controller on the simulated rig with one or more faults at random ticks: wrong
 measurements, calls of the rig that fail before or after their effect, exceptions in the condition
 and in an estimator, a rig whose time stands still or jumps, skipped periods of the loop, and
-requests in every mode. Each trial has a law of force feedback, a channel between master and slave,
+requests in every mode. Each trial has drives that accept velocities, forces or positions, a law of
+force feedback, a channel between master and slave,
 and a live page that can arm the drives, that only watches, or none. Page, live process and channel
 fail too, and the page makes requests at any time. After every tick, the rules in
 `SafetySearch.check` must hold for the simulated plant. A trial that violates a rule is reduced to
@@ -40,6 +41,7 @@ from search_rig import BOUND, LIMITS, PERIOD, Pushing, SearchRig
 
 from drivers import CHANNELS, STANDSTILL, RigError
 from estimation import MatchedFilter, paper_preset
+from sim_backend import ForceMaster
 from sim_backend.faults import Frozen, Replaced, Reported, RigFault, Runaway, Shifted
 from teleop.control.bilateral import BilateralLink
 from teleop.control.channel import ChannelSettings
@@ -55,6 +57,11 @@ from teleop.trial.assembly import make_layout, make_link
 from teleop.trial.page_requests import PAGE_AGE, PROCESS_SILENCE
 from teleop.trial.stop_switch import StopSwitch
 
+AXES = (
+    *(("velocity", "velocity"), ("force", "velocity"), ("velocity", "force")),
+    *(("velocity", "position"), ("force", "force"), ("force", "position")),
+)
+"""What the drives of master and slave accept."""
 LAWS = ("none", "position-force", "model-mediated")
 CHANNELS_BETWEEN = (
     None,
@@ -89,7 +96,7 @@ class SafetySearch(RuleBasedStateMachine):
     """Runs a controller with the events that hypothesis chooses, and checks each tick."""
 
     counts: ClassVar[defaultdict[tuple[str, str], Counter[str]]] = defaultdict(Counter)
-    """What the trials contained, by the law of force feedback and what the page may do."""
+    """What the trials contained, by the kinds of the axes and what the page may do."""
 
     @initialize(
         force=st.sampled_from([1.5, -1.0]),
@@ -100,6 +107,7 @@ class SafetySearch(RuleBasedStateMachine):
         may=st.sampled_from(PAGES),
         pointer=st.booleans(),
         press=st.sampled_from([True, True, True, False]),
+        axes=st.sampled_from(AXES),
     )
     def start(
         self,
@@ -111,6 +119,7 @@ class SafetySearch(RuleBasedStateMachine):
         may: str,
         pointer: bool,
         press: bool,
+        axes: tuple[str, str],
     ) -> None:
         self.n = 0
         self.bank = paper_preset("soft").bank()
@@ -121,7 +130,8 @@ class SafetySearch(RuleBasedStateMachine):
         if may != "none":
             self.page = InProcess(self.layout, self.by_page, pointer, self.now)
         operator = self.page.make_operator() if self.page else None
-        self.rig = SearchRig(self.now, operator)
+        master = ForceMaster(max_force=200.0) if axes[0] == "force" else None
+        self.rig = SearchRig(self.now, operator, master, axes[1])  # type: ignore[arg-type]
         self.condition = Pushing()
         self.condition.force = None if operator else force
         self.link = make_link(self.settings)
@@ -145,7 +155,8 @@ class SafetySearch(RuleBasedStateMachine):
         self.cut = [0.0, 0.0]
         """Time for which each direction of the channel has been interrupted while the drives were
         armed [s]."""
-        self.count = self.counts[law, may]
+        self.count = self.counts[" ".join(axes), may]
+        self.count[law] += 1
         self.count["trials"] += 1
         self.count["channel"] += channel is not None
         self.begin()
@@ -545,6 +556,10 @@ class SafetySearch(RuleBasedStateMachine):
         else:
             assert self.tripped == math.inf
 
+        # Motors with a force input exert no force when the drives are disabled.
+        if not self.rig.sim._enabled:
+            assert not self.rig.pushes
+
         # No trial continues after a request to stop, a silent channel, an active law of force
         # feedback, or the loss of the live page that armed the drives.
         if mode is Mode.ACTIVE:
@@ -608,10 +623,10 @@ def main() -> int:
     took = time.perf_counter() - started
     print(f"# python {shlex.join(sys.argv)}, {date.today()}")
     print(f"{options.trials} trials from seed {options.seed} in {took:.0f} s: no law was broken")
-    print(f"{'feedback':<16}{'page':<9}{'trials':>8}{'channel':>9}{'armed':>7}{'faults':>8}"
+    print(f"{'master, slave':<20}{'page':<9}{'trials':>8}{'channel':>9}{'armed':>7}{'faults':>8}"
           f"{'time [s]':>10}{'active [s]':>12}")  # fmt: skip
-    for (law, may), count in sorted(SafetySearch.counts.items()):
-        print(f"{law:<16}{may:<9}{count['trials']:>8}{count['channel']:>9}{count['armed']:>7}"
+    for (axes, may), count in sorted(SafetySearch.counts.items()):
+        print(f"{axes:<20}{may:<9}{count['trials']:>8}{count['channel']:>9}{count['armed']:>7}"
               f"{count['faults']:>8}{count['ticks'] * PERIOD:>10.1f}"
               f"{count['active'] * PERIOD:>12.1f}")  # fmt: skip
     return 0

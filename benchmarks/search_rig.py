@@ -7,9 +7,10 @@ from dataclasses import replace
 from typing import Any
 
 from drivers import Command, Measurement, Rig, RigError
-from sim_backend import CUBES, SimulatedRig
+from sim_backend import CUBES, ForceMaster, SimulatedRig
 from sim_backend.faults import FaultyRig
 from sim_backend.operators import Hand
+from sim_backend.slave_drives import SlaveDriveName
 from teleop.control.conditions import Condition
 from teleop.safety import Limits
 from teleop.settings.simulated_rig_limits import simulated_rig_limits
@@ -37,8 +38,22 @@ BOUND = STANDING + RAMP + WATCHDOG + 3 * PERIOD
 class SearchRig(Rig):
     """A simulated rig. Its calls may fail, and its time may stand still or jump."""
 
-    def __init__(self, now: Any, operator: Hand | None = None) -> None:
-        self.sim = SimulatedRig(CUBES["soft"], now, operator, watchdog=WATCHDOG)
+    def __init__(
+        self,
+        now: Any,
+        operator: Hand | None = None,
+        master: ForceMaster | None = None,
+        slave_drive: SlaveDriveName = "velocity",
+    ) -> None:
+        self.sim = SimulatedRig(
+            CUBES["soft"],
+            now,
+            operator,
+            watchdog=WATCHDOG,
+            master=master,
+            slave_drive=slave_drive,
+            period=PERIOD,
+        )
         self.faulty = FaultyRig(self.sim)
         self.failing: dict[str, str] = {}
         """Calls that fail, by name: `before` or `after` their effect."""
@@ -81,6 +96,12 @@ class SearchRig(Rig):
 
     def rearm(self) -> None:
         self.faulty.rearm()
+
+    @property
+    def pushes(self) -> bool:
+        """Whether a motor with a force input exerts a force, or is in operation."""
+        plant = self.sim.plant
+        return plant.slave.push is not None or bool(getattr(plant.handle, "push", 0.0))
 
 
 class Pushing(Condition):

@@ -14,7 +14,9 @@ if TYPE_CHECKING:
     import can
 
     from drivers.transports.can_bus import CanBus
-    from drivers.transports.serial_port import SerialPort
+    from drivers.transports.datagram_port import DatagramPort
+    from drivers.transports.shared_line import SharedLine
+    from drivers.transports.stream_port import StreamPort
 
 
 class Sample(NamedTuple):
@@ -287,7 +289,7 @@ class Device(ABC):
         return False
 
     def stop(self) -> None:  # noqa: B027
-        """End the communication with the device, before its serial port or CAN bus is closed.
+        """End the communication with the device, before its port or bus is closed.
 
         When this method is called, the drives are already out of operation. The default method
         does nothing.
@@ -295,10 +297,10 @@ class Device(ABC):
 
 
 class SerialDevice(Device):
-    """A device on a serial port. No other device uses this port."""
+    """A device on a serial port or a TCP connection. No other device uses this port."""
 
     @abstractmethod
-    def start(self, port: SerialPort) -> None:
+    def start(self, port: StreamPort) -> None:
         """Set up the device on an open port. This method may wait with `port.wait_for`.
 
         Raises
@@ -322,12 +324,99 @@ class SerialDevice(Device):
         """
 
 
+class LineRequest(NamedTuple):
+    """A request to a device on a shared serial line."""
+
+    data: bytes
+    """Bytes of the request."""
+    seconds: float
+    """Longest time from the end of the request until its whole answer has arrived [s]. Without an
+    answer, the time for which the line must be quiet after the request."""
+    is_answered: bool = True
+    """Whether the device answers."""
+
+
+class LineFrames(NamedTuple):
+    """Frames that were found in the bytes of a shared serial line."""
+
+    frames: Sequence[tuple[int, bytes]]
+    """Address of the device and whole frame, in the order of arrival."""
+    rejected: Mapping[str, int]
+    """Number of malformed frames, by reason."""
+    rest: bytes
+    """Bytes at the end, which can be the beginning of a frame."""
+
+
+class SharedSerialDevice(Device):
+    """A device on a serial line that it may share with other devices of the same kind.
+
+    The device sends a frame only as the answer to a request, and this frame contains the address of
+    the device. Only one request is on the line at a time. The devices take turns.
+    """
+
+    @property
+    @abstractmethod
+    def address(self) -> int:
+        """Address of the device in its frames."""
+
+    @classmethod
+    @abstractmethod
+    def split(cls, data: bytes) -> LineFrames:
+        """Find the frames of all devices in the received bytes.
+
+        Parameters
+        ----------
+        data
+            The rest of the last call, and the bytes that have arrived since.
+        """
+
+    @abstractmethod
+    def start(self, line: SharedLine) -> None:
+        """Set up the device on an open line. This method may wait with `line.wait_for`.
+
+        From now on, `request` is called.
+
+        Raises
+        ------
+        RigError
+            The device does not answer, or does not match its settings in the rig file.
+        """
+
+    @abstractmethod
+    def request(self, now: float) -> LineRequest | None:
+        """Return the request that is sent now; None to leave the turn to the next device.
+
+        A drive returns a request to leave operation, until it has confirmed it, before any other
+        request.
+
+        Parameters
+        ----------
+        now
+            Time on the controller's clock [s].
+        """
+
+    @abstractmethod
+    def receive(self, frame: bytes, time: float) -> None:
+        """Process a frame of the device. Malformed frames are counted in `rejected`.
+
+        Parameters
+        ----------
+        frame
+            A whole frame, as returned by `split`.
+        time
+            Time of arrival on the controller's clock [s].
+        """
+
+
 class CanDevice(Device):
     """A device on a CAN bus.
 
     The device sends frames with certain identifiers. No other device on the bus sends frames with
     these identifiers.
     """
+
+    needs_fd: ClassVar[bool] = False
+    """Whether the device needs a bus with CAN FD."""
 
     @abstractmethod
     def identifiers(self) -> Iterable[int]:
@@ -356,6 +445,36 @@ class CanDevice(Device):
         ----------
         frame
             The frame. Its identifier is one of those that `identifiers` returns.
+        time
+            Time of arrival on the controller's clock [s].
+        """
+
+
+class DatagramDevice(Device):
+    """A device that exchanges UDP datagrams. No other device uses its address."""
+
+    @abstractmethod
+    def start(self, port: DatagramPort) -> None:
+        """Set up the device on an open port. This method may wait with `port.wait_for`.
+
+        Raises
+        ------
+        RigError
+            The device does not answer, or does not match its settings in the rig file.
+        """
+
+    @abstractmethod
+    def receive(self, data: bytes, time: float) -> None:
+        """Process a datagram that the device has sent.
+
+        Datagrams can be lost, repeated, or received in another order. Use the newest datagram, and
+        count in `rejected` those that are older than a received one. Malformed datagrams are also
+        counted there.
+
+        Parameters
+        ----------
+        data
+            The datagram.
         time
             Time of arrival on the controller's clock [s].
         """

@@ -69,7 +69,7 @@ def value_problem(part: Mapping[str, Any]) -> str:
 def tag_name(part: Mapping[str, Any]) -> str:
     """Return the name of the key whose value determines which keys a TOML table can have.
 
-    For example, the key `kind` distinguishes serial ports and CAN buses.
+    For example, the key `kind` distinguishes serial ports, CAN buses and networks.
     """
     return str(part["ctx"]["discriminator"]).strip("'")
 

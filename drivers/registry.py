@@ -19,12 +19,14 @@ from drivers.device import Device
 GROUP = "teleop.devices"
 """Group of the entry points with which other packages register device classes."""
 BUILT_IN = {
+    "ati_netft": "drivers.devices.ati_netft:AtiNetFt",
     "board": "drivers.devices.board:Board",
     "bota": "drivers.devices.bota:Bota",
     "cia402": "drivers.devices.cia402:Cia402",
     "dbc": "drivers.devices.dbc:DbcDevice",
     "ft300": "drivers.devices.ft300:Ft300",
     "mit_motor": "drivers.devices.mit_motor:MitMotor",
+    "moteus": "drivers.devices.moteus:Moteus",
     "odrive": "drivers.devices.odrive:ODrive",
     "reaction_force": "drivers.devices.reaction_force:ReactionForceObserver",
 }

@@ -18,6 +18,7 @@ from pydantic import TypeAdapter, ValidationError
 from drivers.coupling import CouplingParameters
 from drivers.device import (
     CanDevice,
+    DatagramDevice,
     DerivedDevice,
     Device,
     DeviceSettings,
@@ -25,6 +26,7 @@ from drivers.device import (
     ImpedanceDrive,
     PositionDrive,
     SerialDevice,
+    SharedSerialDevice,
     sole_drive,
 )
 from drivers.input_file import read_input
@@ -32,13 +34,21 @@ from drivers.problems import syntax_problem, value_problem
 from drivers.registry import device_class, kinds
 from drivers.rig import UNITS, RigError
 from drivers.rig_sections import (
-    CanSettings,
+    AnyBusSettings,
     DriveSettings,
     MeasurementSettings,
     RigSections,
-    SerialSettings,
+    UdpSettings,
     coupling_of,
 )
+
+BUS_KINDS = {
+    SerialDevice: ("serial", "tcp"),
+    SharedSerialDevice: ("serial", "tcp"),
+    CanDevice: ("can",),
+    DatagramDevice: ("udp",),
+}
+"""Kinds of buses to which a device can be connected, by its base class."""
 
 
 class RigFileError(ValueError):
@@ -199,28 +209,33 @@ def reference_problems(rig: RigFile, declared: frozenset[str]) -> Iterator[str]:
 
 
 def bus_problems(
-    devices: Mapping[str, Device], buses: Mapping[str, SerialSettings | CanSettings]
+    devices: Mapping[str, Device], buses: Mapping[str, AnyBusSettings]
 ) -> Iterator[str]:
     """Yield texts on problems: unknown buses of devices, ports or CAN identifiers used twice."""
     ports: dict[str, str] = {}
     for name, settings in buses.items():
-        port = settings.port if isinstance(settings, SerialSettings) else settings.channel
-        if ports.setdefault(port, name) != name:
-            yield f"buses.{name}: {port!r} is already used by bus {ports[port]}"
-    users: dict[str, str] = {}
+        own = [settings.address]
+        if isinstance(settings, UdpSettings) and settings.local_port:
+            own.append(f"local UDP port {settings.local_host}:{settings.local_port}")
+        for port in own:
+            if ports.setdefault(port, name) != name:
+                yield f"buses.{name}: {port!r} is already used by bus {ports[port]}"
+    users: dict[str, list[str]] = {}
     senders: dict[tuple[str, int], str] = {}
     for name, device in devices.items():
-        kind = "serial" if isinstance(device, SerialDevice) else "can"
-        if not isinstance(device, SerialDevice | CanDevice):
+        kinds = next((kinds for base, kinds in BUS_KINDS.items() if isinstance(device, base)), ())
+        if not kinds:
             continue
         bus = device.settings.bus
-        fitting = [other for other, settings in buses.items() if settings.kind == kind]
+        fitting = [other for other, settings in buses.items() if settings.kind in kinds]
         if bus not in fitting:
             yield (
-                f"devices.{name}.bus: {bus!r}: expected a {kind} bus of the section [buses]: "
-                f"{', '.join(fitting) or 'there is none'}"
+                f"devices.{name}.bus: {bus!r}: expected a {' or '.join(kinds)} bus of the section "
+                f"[buses]: {', '.join(fitting) or 'there is none'}"
             )
         elif isinstance(device, CanDevice):
+            if device.needs_fd and not getattr(buses[bus], "fd", False):
+                yield f"devices.{name}.bus: {bus!r}: expected a bus with fd = true"
             for identifier in device.identifiers():
                 other = senders.setdefault((bus, identifier), name)
                 if other != name:
@@ -229,8 +244,22 @@ def bus_problems(
                         f"device {other}"
                     )
                     break
-        elif users.setdefault(bus, name) != name:
-            yield f"devices.{name}.bus: port {bus!r} is already used by device {users[bus]}"
+        else:
+            others = users.setdefault(bus, [])
+            if problem := sharing_problem(device, [devices[other] for other in others]):
+                yield f"devices.{name}.bus: {problem}"
+            others.append(name)
+
+
+def sharing_problem(device: Device, others: list[Device]) -> str | None:
+    """Return why a device cannot have the same port as other devices; None if it can."""
+    for other in others:
+        taken = f"{device.settings.bus!r} is already used by device {other.name}"
+        if not isinstance(device, SharedSerialDevice) or type(other) is not type(device):
+            return f"port {taken}"
+        if other.address == device.address:
+            return f"address {device.address} on {taken}"
+    return None
 
 
 def channel_problem(

@@ -6,9 +6,9 @@ The key of a physical quantity ends with its unit, for example `lag_ms`. Unknown
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, FiniteFloat
+from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, model_validator
 
 from drivers.coupling import CouplingParameters, velocity_loop
 from drivers.rig import AXES, CHANNELS
@@ -17,6 +17,7 @@ Positive = Annotated[FiniteFloat, Field(gt=0)]
 NonNegative = Annotated[FiniteFloat, Field(ge=0)]
 UpTo1 = Annotated[FiniteFloat, Field(ge=0, le=1)]
 UpTo500 = Annotated[FiniteFloat, Field(ge=0, le=500)]
+PortNumber = Annotated[int, Field(ge=1, le=65_535)]
 UpTo10000 = Annotated[FiniteFloat, Field(ge=0, le=10_000)]
 
 
@@ -33,6 +34,11 @@ class SerialSettings(Section):
     port: Annotated[str, Field(min_length=1)]
     baud_bps: Annotated[int, Field(gt=0)]
 
+    @property
+    def address(self) -> str:
+        """Text that no other bus may have."""
+        return self.port
+
 
 class CanSettings(Section):
     """Section `[buses.NAME]` of a rig file, for a CAN bus.
@@ -44,10 +50,60 @@ class CanSettings(Section):
     interface: str
     channel: Annotated[str, Field(min_length=1)]
     bitrate_bps: Annotated[int, Field(gt=0)] | None = None
+    fd: bool = False
+    """Whether the bus has CAN FD: up to 64 bytes per frame, and a higher bit rate of the data."""
+    data_bitrate_bps: Annotated[int, Field(gt=0)] | None = None
+    """Bit rate of the data of a CAN FD frame."""
     options: dict[str, Any] = {}
 
+    @model_validator(mode="after")
+    def _check_fd(self) -> Self:
+        if self.fd and self.interface == "slcan":
+            raise ValueError("fd = true: the interface slcan has no CAN FD: expected another one")
+        if self.data_bitrate_bps and not self.fd:
+            raise ValueError("data_bitrate_bps: expected only with fd = true")
+        return self
 
-BusSettings = Annotated[SerialSettings | CanSettings, Field(discriminator="kind")]
+    @property
+    def address(self) -> str:
+        """Text that no other bus may have."""
+        return self.channel
+
+
+class TcpSettings(Section):
+    """Section `[buses.NAME]` of a rig file, for a TCP connection to a device or serial server."""
+
+    kind: Literal["tcp"]
+    host: Annotated[str, Field(min_length=1)]
+    port: PortNumber
+    baud_bps: Annotated[int, Field(gt=0)] | None = None
+    """Rate of the serial line of a serial server."""
+
+    @property
+    def address(self) -> str:
+        """Text that no other bus may have."""
+        return f"TCP port {self.host}:{self.port}"
+
+
+class UdpSettings(Section):
+    """Section `[buses.NAME]` of a rig file, for UDP datagrams to and from a device."""
+
+    kind: Literal["udp"]
+    host: Annotated[str, Field(min_length=1)]
+    port: PortNumber
+    local_host: str = ""
+    """Address of the network interface of this computer; empty for any interface."""
+    local_port: PortNumber | None = None
+    """Port of this computer; None for any free port."""
+
+    @property
+    def address(self) -> str:
+        """Text that no other bus may have."""
+        return f"UDP port {self.host}:{self.port}"
+
+
+AnyBusSettings = SerialSettings | CanSettings | TcpSettings | UdpSettings
+BusSettings = Annotated[AnyBusSettings, Field(discriminator="kind")]
 
 
 class MeasurementSettings(Section):

@@ -1,4 +1,4 @@
-"""A rig with real devices on serial ports and CAN buses. A rig file describes the rig."""
+"""A rig with real devices on ports, CAN buses and networks. A rig file describes the rig."""
 
 from __future__ import annotations
 
@@ -10,11 +10,13 @@ from typing import NamedTuple
 from drivers.axes import Axis, CoupledAxis, make_axis
 from drivers.device import (
     CanDevice,
+    DatagramDevice,
     DerivedDevice,
     Device,
     Drive,
     Sample,
     SerialDevice,
+    SharedSerialDevice,
     sole_drive,
 )
 from drivers.rig import (
@@ -30,10 +32,14 @@ from drivers.rig import (
     RigError,
 )
 from drivers.rig_file import RigFile
-from drivers.rig_sections import CanSettings, DriveSettings, coupling_of
+from drivers.rig_sections import CanSettings, DriveSettings, TcpSettings, UdpSettings, coupling_of
 from drivers.transports.bus import Bus
 from drivers.transports.can_bus import CanBus
+from drivers.transports.datagram_port import DatagramPort
 from drivers.transports.serial_port import SerialPort
+from drivers.transports.shared_line import SharedLine
+from drivers.transports.stream_port import StreamPort
+from drivers.transports.tcp_port import TcpPort
 
 FIRST_SAMPLES = 2.0
 """Longest wait until every channel has a first sample [s]."""
@@ -80,6 +86,10 @@ class WiredRig(Rig):
         self.file = file
         self.devices = file.make_devices()
         self.buses = {name: make_bus(name, file, now) for name in file.sections.buses}
+        for name in {d.settings.bus for d in self.devices.values() if is_shared(d)}:
+            stream = self.buses[name]
+            assert isinstance(stream, StreamPort)
+            self.buses[name] = SharedLine(stream)
         self._now = now
         self._channels = {
             name: Channel(
@@ -167,11 +177,19 @@ class WiredRig(Rig):
                 self._port_of(device).attach(device.receive)
             elif isinstance(device, CanDevice):
                 self._can_bus_of(device).attach(device.identifiers(), device.receive)
+            elif isinstance(device, DatagramDevice):
+                self._datagram_port_of(device).attach(device.receive, device.rejected)
+            elif isinstance(device, SharedSerialDevice):
+                self._line_of(device).attach(device)
         for device in self.devices.values():
             if isinstance(device, SerialDevice):
                 device.start(self._port_of(device))
             elif isinstance(device, CanDevice):
                 device.start(self._can_bus_of(device))
+            elif isinstance(device, DatagramDevice):
+                device.start(self._datagram_port_of(device))
+            elif isinstance(device, SharedSerialDevice):
+                self._line_of(device).start(device)
             elif isinstance(device, DerivedDevice):
                 device.start(self.devices)
         end = self._now() + FIRST_SAMPLES
@@ -200,15 +218,25 @@ class WiredRig(Rig):
             parts.append(f"{name} ({device.name} on {bus}{instead})")
         return ", ".join(parts)
 
-    def _port_of(self, device: SerialDevice) -> SerialPort:
+    def _port_of(self, device: SerialDevice) -> StreamPort:
         port = self.buses[device.settings.bus]
-        assert isinstance(port, SerialPort)
+        assert isinstance(port, StreamPort)
         return port
 
     def _can_bus_of(self, device: CanDevice) -> CanBus:
         bus = self.buses[device.settings.bus]
         assert isinstance(bus, CanBus)
         return bus
+
+    def _datagram_port_of(self, device: DatagramDevice) -> DatagramPort:
+        port = self.buses[device.settings.bus]
+        assert isinstance(port, DatagramPort)
+        return port
+
+    def _line_of(self, device: SharedSerialDevice) -> SharedLine:
+        line = self.buses[device.settings.bus]
+        assert isinstance(line, SharedLine)
+        return line
 
     def _poll(self) -> None:
         """Read every bus, and then call the method `update` of every device.
@@ -339,9 +367,25 @@ class WiredRig(Rig):
                 next(iter(self.buses.values())).wait_for(self.idle, 2.0 * LONGEST_STOP)
 
 
+def is_shared(device: Device) -> bool:
+    """Return whether a device may share its serial line with other devices."""
+    return isinstance(device, SharedSerialDevice)
+
+
 def make_bus(name: str, file: RigFile, now: Callable[[], float]) -> Bus:
-    """Return the serial port or CAN bus with this name in a rig file. The bus is not yet open."""
+    """Return the bus with this name in a rig file. The bus is not yet open."""
     settings = file.sections.buses[name]
+    if isinstance(settings, TcpSettings):
+        return TcpPort(name, now, settings.host, settings.port, settings.baud_bps)
+    if isinstance(settings, UdpSettings):
+        return DatagramPort(
+            name,
+            now,
+            settings.host,
+            settings.port,
+            settings.local_host,
+            settings.local_port or 0,
+        )
     if isinstance(settings, CanSettings):
         return CanBus(
             name,
@@ -350,5 +394,7 @@ def make_bus(name: str, file: RigFile, now: Callable[[], float]) -> Bus:
             settings.channel,
             settings.bitrate_bps,
             settings.options,
+            settings.fd,
+            settings.data_bitrate_bps,
         )
     return SerialPort(name, now, settings.port, settings.baud_bps)

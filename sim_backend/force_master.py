@@ -114,7 +114,7 @@ class FreeHandle:
         h, mass = dt / steps, self._mass
         k, b = (arm.stiffness, self._friction + arm.damping) if intended else (0.0, self._friction)
         for i in range(steps):
-            left = dt - (i + 1) * h
+            left = dt - (i + 0.5) * h
             force = self.push
             if intended:
                 position = intended.position - intended.velocity * left

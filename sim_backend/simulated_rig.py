@@ -14,6 +14,7 @@ from sim_backend.force_master import ForceMaster, FreeHandle, make_axis
 from sim_backend.operators import ARM, Hand
 from sim_backend.plant import UNATTENDED, Arm, Plant, PlantParameters
 from sim_backend.sensors import Sensors
+from sim_backend.slave_drives import SlaveDriveName, SlaveServo, make_slave_axis
 
 FRESH = Ages(*(0.0 for _ in CHANNELS))
 MOST_MASTER_SPEED = 1.0
@@ -59,6 +60,10 @@ class SimulatedRig(Rig):
     coupled
         Whether the rig closes this coupling. If not, `plant.handle.push` is the force of the motor,
         and the force of the hand is measured.
+    slave_drive
+        What the drive of the slave accepts: `velocity`, `force` or `position`.
+    period
+        Period of the control loop [s], for which a drive that accepts forces is tuned.
 
     Raises
     ------
@@ -80,6 +85,8 @@ class SimulatedRig(Rig):
         arm: Arm = ARM,
         master: ForceMaster | None = None,
         coupled: bool = True,
+        slave_drive: SlaveDriveName = "velocity",
+        period: float = 1e-3,
     ) -> None:
         for name, value in (("max_velocity", max_velocity), ("watchdog", watchdog)):
             if not 0.0 < value < math.inf:
@@ -93,6 +100,8 @@ class SimulatedRig(Rig):
         self.plant.slave.move_to(start, 0.0)
         if operator:
             operator.handle = self.plant.handle
+        parameters = parameters or PlantParameters()
+        self._slave_axis = make_slave_axis(slave_drive, self.plant.slave, parameters, period)
         self._now = now
         self._operator = operator
         self._sensors = sensors or Sensors()
@@ -120,11 +129,11 @@ class SimulatedRig(Rig):
             silent = self._commanded + self._watchdog
             if self._enabled and now > silent:
                 if silent > self._time:
-                    self.plant.advance(silent - self._time, self._applied, intended)
+                    self.plant.advance(silent - self._time, self._driven(), intended)
                     self._time = silent
                 self.idle()
                 self._error = "watchdog"
-            self.plant.advance(now - self._time, self._applied, intended)
+            self.plant.advance(now - self._time, self._driven(), intended)
             self._time = now
             if self._operator and now >= self._start:
                 handle, force = self.plant.handle, self.plant.master_force
@@ -138,6 +147,9 @@ class SimulatedRig(Rig):
             self._error = self._error or (axis.error and f"drive master: {axis.error}")
         else:
             master_force = sensors.force(plant.master_force.y, noise) + sensors.master_zero
+        if slave_axis := self._slave_axis:
+            slave_axis.measure(Sample(sensors.position(slave.x), now))
+            self._error = self._error or (slave_axis.error and f"drive slave: {slave_axis.error}")
         values = (
             now,
             master_force,
@@ -151,6 +163,12 @@ class SimulatedRig(Rig):
         )
         return new_tuple(Measurement, values)
 
+    def _driven(self) -> Command:
+        """Return the velocities that the velocity servos of the plant receive."""
+        if self._slave_axis and isinstance(self._slave_axis.drive, SlaveServo):
+            return self._applied._replace(slave_velocity=self._slave_axis.drive.velocity)
+        return self._applied
+
     def rearm(self) -> None:
         """Clear the drive error of an expired watchdog. The drives remain disabled."""
         self._error = ""
@@ -163,8 +181,9 @@ class SimulatedRig(Rig):
         bool
             Whether a force-commanded handle is at rest. Other drives are enabled without delay.
         """
-        if self._axis and not self._axis.enable():
-            return False
+        for axis in (self._axis, self._slave_axis):
+            if axis and not axis.enable():
+                return False
         self._enabled, self._error = True, ""
         self._start = self._commanded = self._time
         return True
@@ -191,6 +210,8 @@ class SimulatedRig(Rig):
             self._commanded = self._time
             if self._axis:
                 self._axis.command(command.master_velocity, self._time)
+            if self._slave_axis:
+                self._slave_axis.command(command.slave_velocity, self._time)
         return self._applied
 
     def idle(self) -> bool:
@@ -198,8 +219,9 @@ class SimulatedRig(Rig):
         self._enabled = False
         self._applied = STANDSTILL
         self._start = math.inf
-        if self._axis:
-            self._axis.idle()
+        for axis in (self._axis, self._slave_axis):
+            if axis:
+                axis.idle()
         return True
 
     def close(self) -> None:

@@ -18,3 +18,9 @@ ModelName = Literal["kelvin-voigt", "datum", "inertia", "stiffening", "sls"]
 PresetName = Literal["scaled", "paper"]
 RealtimeName = Literal["require", "try", "off"]
 WidthName = Literal["screen", "single", "double", "a4"]
+
+FORCE_SENSOR = "force sensor"
+"""Source of the force of the hand: a sensor in a handle that moves. This is the usual one."""
+ISOMETRIC = "force sensor of a handle that does not move"
+COUPLED = "virtual coupling of the master"
+NO_HANDLE = "none: the rig has no handle"

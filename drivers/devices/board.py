@@ -14,7 +14,7 @@ from drivers.device import Sample, SerialDevice, VelocityDrive
 from drivers.device_clock import DeviceClock
 from drivers.devices.board_settings import QUANTITIES, BoardSettings, gains
 from drivers.rig import RigError
-from drivers.transports.serial_port import SerialPort
+from drivers.transports.stream_port import StreamPort
 
 PATIENCE = 4.0
 """Longest wait for an answer [s]. Many boards restart when their serial port is opened."""
@@ -74,7 +74,7 @@ class Board(SerialDevice):
         self.drives = {f"axis_{i}": axis for i, axis in enumerate(self.axes)}
         self.identity: Identity | None = None
         """IDENTITY message, the board's answer to the message HELLO; None before the answer."""
-        self._port: SerialPort | None = None
+        self._port: StreamPort | None = None
         self._reader = MessageReader(self.rejected)
         self._clock = DeviceClock()
         self._configured: Configured | None = None
@@ -109,7 +109,7 @@ class Board(SerialDevice):
             for i in range(len(getattr(self.settings, key)))
         }
 
-    def start(self, port: SerialPort) -> None:
+    def start(self, port: StreamPort) -> None:
         """Check the identity of the board, and configure it. The board then sends samples."""
         self._port = port
         self._started = False

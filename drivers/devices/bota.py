@@ -9,7 +9,7 @@ from drivers.codecs.bota import FRAME, RUN, THROTTLED, BotaFrame, BotaParser, fa
 from drivers.device import DeviceSettings, Sample, SerialDevice
 from drivers.device_clock import MICROSECOND, WRAP, DeviceClock
 from drivers.rig import RigError
-from drivers.transports.serial_port import SerialPort
+from drivers.transports.stream_port import StreamPort
 
 BAUD = 460800
 """Factory setting of the sensor's line rate [bit/s]."""
@@ -61,7 +61,7 @@ class Bota(SerialDevice):
         forces = dict.fromkeys(("fx", "fy", "fz"), "N")
         return forces | dict.fromkeys(("mx", "my", "mz"), "N m") | {"temperature": "degC"}
 
-    def start(self, port: SerialPort) -> None:
+    def start(self, port: StreamPort) -> None:
         """Wait for the first frame of the sensor.
 
         A sensor in configuration mode sends no frames. If no frame arrives, this method sends the

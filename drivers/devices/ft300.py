@@ -8,7 +8,7 @@ from typing import Literal
 from drivers.codecs.ft300 import FRAME, START_STREAM, STOP_STREAM, Ft300Frame, Ft300Parser
 from drivers.device import NO_SAMPLE, DeviceSettings, Sample, SerialDevice
 from drivers.rig import RigError
-from drivers.transports.serial_port import SerialPort
+from drivers.transports.stream_port import StreamPort
 
 BAUD = 19200
 """Line rate of the sensor [bit/s]."""
@@ -41,14 +41,14 @@ class Ft300(SerialDevice):
     def __init__(self, name: str, settings: Ft300Settings) -> None:
         super().__init__(name, settings)
         self._parser = Ft300Parser(self.rejected)
-        self._port: SerialPort | None = None
+        self._port: StreamPort | None = None
         self._line_time = 0.0
 
     def signals(self) -> dict[str, str]:
         """Return the SI unit of each signal: forces and moments."""
         return dict.fromkeys(("fx", "fy", "fz"), "N") | dict.fromkeys(("mx", "my", "mz"), "N m")
 
-    def start(self, port: SerialPort) -> None:
+    def start(self, port: StreamPort) -> None:
         """Start the data stream of the sensor, unless frames already arrive."""
         self._port = port
         self._line_time = port.line_time(FRAME.size)

@@ -89,11 +89,12 @@ class ODrive(CanDevice, VelocityDrive):
     motor. The class computes the motor torque from the current and the torque constant.
 
     The device has one drive, `axis`, which is the device itself, or with `mode = "torque"` a
-    `TorqueMode`. In torque control, the ODrive reduces the torque near the largest velocity. An error is stored until `rearm`
-    is called or the axis is enabled again. The user must set the watchdog on the ODrive. Velocity
-    commands reset the watchdog timer. With firmware 0.5, every frame to the axis resets this timer.
-    Therefore, from a stop until a heartbeat reports the state IDLE, only the request for this state
-    is sent. The pauses between these requests increase to twice the watchdog time.
+    `TorqueMode`. In torque control, the ODrive reduces the torque near the largest velocity. An
+    error is stored until `rearm` is called or the axis is enabled again. The user must set the
+    watchdog on the ODrive. Set-points reset the watchdog timer. With firmware 0.5, every frame to
+    the axis resets this timer. Therefore, from a stop until a heartbeat reports the state IDLE,
+    only the request for this state is sent. The pauses between these requests increase to twice the
+    watchdog time.
     """
 
     Settings = ODriveSettings
@@ -307,9 +308,9 @@ class ODrive(CanDevice, VelocityDrive):
     def transmit(self) -> None:
         """If operation is requested, send the set-point. This also resets the watchdog timer.
 
-        The watchdog of the ODrive must stop the axis if no set-point is sent. But with firmware 0.5,
-        a request for the motor current also resets the watchdog timer. Therefore, while operation
-        is requested, only this method requests the current, directly after it has sent a set-point.
+        The watchdog of the ODrive must stop the axis if no set-point is sent. But with firmware
+        0.5, a request for the motor current also resets the watchdog timer. Therefore, while
+        operation is requested, only this method requests the current, directly after a set-point.
         """
         if self._wanted:
             self._send_set_point(self._set_point)

@@ -1,1 +1,1 @@
-"""Send and receive bytes and frames on serial ports and CAN buses."""
+"""Send and receive bytes and frames on serial ports, CAN buses and networks."""

@@ -1,17 +1,22 @@
-"""Base class of serial ports and CAN buses, which are read once per tick of the control loop."""
+"""Base class of ports and buses, which are read once per tick of the control loop."""
 
 from __future__ import annotations
 
+import contextlib
+import hashlib
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable
+
+from drivers.claims import claim, claimant, process_text
+from drivers.rig import RigError
 
 POLL_PERIOD = 0.5e-3
 """Time between two readings of the bus during `wait_for` [s]."""
 
 
 class Bus(ABC):
-    """A serial port or CAN bus."""
+    """A serial port, a CAN bus, or a connection to a device on a network."""
 
     def __init__(self, name: str, now: Callable[[], float]) -> None:
         self.name = name
@@ -20,10 +25,11 @@ class Bus(ABC):
         """Function that `wait_for` calls with the time [s] to wait between two readings."""
         self.pump: Callable[[], object] = self.poll
         """Function that `wait_for` calls to read the bus. In a rig, it reads all buses."""
+        self._held = contextlib.ExitStack()
 
     @abstractmethod
     def open(self) -> None:
-        """Connect to the port or the CAN adapter."""
+        """Connect to the port, the CAN adapter or the device."""
 
     @abstractmethod
     def poll(self) -> None:
@@ -45,3 +51,21 @@ class Bus(ABC):
             self.nap(POLL_PERIOD)
             self.pump()
         return True
+
+    def _claim(self, identity: str, what: str) -> None:
+        """Claim the bus until `self._held` is closed; raise RigError if another process has it.
+
+        Two processes could otherwise send commands to the same drives. Only Linux has such claims.
+        Emulated devices do not claim their bus.
+        """
+        name = f"bus {hashlib.sha256(identity.encode()).hexdigest()[:32]}"
+        try:
+            held = claim(name)
+        except (AttributeError, OSError):  # a system without these claims
+            return
+        if held is None:
+            raise RigError(
+                f"{self.name}: {what} is used by {process_text(claimant(name) or 0)}: expected a "
+                "bus that no other process uses"
+            )
+        self._held.enter_context(held)

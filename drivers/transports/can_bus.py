@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import contextlib
-import hashlib
 import ipaddress
 import json
 import math
 import time
 from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
 from typing import Any
 
 import can
 
-from drivers.claims import claim, claimant, process_text
 from drivers.rig import RigError, reason
 from drivers.transports.bus import Bus
 from drivers.transports.slcan import SlcanBus, StatusFlags
@@ -41,10 +40,17 @@ UNSHARED = ("slcan", "virtual")
 in one process."""
 
 
+FD_LENGTHS = (*range(9), 12, 16, 20, 24, 32, 48, 64)
+"""Possible numbers of data bytes of a CAN FD frame."""
+FD_MTU = 72
+"""Smallest maximum transmission unit of a SocketCAN interface with CAN FD [bytes]."""
+
+
 class CanBus(Bus):
     """A CAN bus. Each received frame is passed to the function registered for its identifier.
 
-    `bitrate`: None to leave the bit rate unchanged.
+    `bitrate`: None to leave the bit rate unchanged. `fd`: whether the bus has CAN FD.
+    `data_bitrate`: bit rate of the data of a CAN FD frame; None to leave it unchanged.
     """
 
     def __init__(
@@ -55,14 +61,17 @@ class CanBus(Bus):
         channel: str,
         bitrate: int | None,
         options: Mapping[str, Any],
+        fd: bool = False,
+        data_bitrate: int | None = None,
     ) -> None:
         super().__init__(name, now)
         self.interface = interface
         self.channel = channel
         self._bitrate = bitrate
         self._options = options
+        self.fd = fd
+        self._data_bitrate = data_bitrate
         self._bus: can.BusABC | None = None
-        self._claim = contextlib.ExitStack()
         self._drain: Callable[[], list[can.Message]] = list
         self._routes: dict[int, Callable[[can.Message, float], object]] = {}
         self._polled = now()
@@ -81,12 +90,11 @@ class CanBus(Bus):
     def open(self) -> None:
         """Open the adapter.
 
-        Before, the bus is claimed, because several processes can open the same SocketCAN interface:
-        they would send commands to the same drives. Only Linux has such claims. The devices on the
-        bus, also emulated ones, do not claim it.
+        Before, the bus is claimed, because several processes can open the same SocketCAN interface.
         """
         if self.interface not in UNSHARED:
-            self._claim_bus()
+            identity = json.dumps(self._identity(), sort_keys=True, default=str)
+            self._claim(identity, f"CAN bus {self.channel} ({self.interface})")
         try:
             if self.interface == "slcan":
                 bus = SlcanBus(self.channel, bitrate=self._bitrate, **self._options)
@@ -95,30 +103,39 @@ class CanBus(Bus):
                 options = dict(self._options)
                 if self._bitrate:
                     options["bitrate"] = self._bitrate
+                if self.fd:
+                    options |= self._fd_options()
                 other = can.Bus(interface=self.interface, channel=self.channel, **options)
                 self._bus, self._drain = other, lambda: waiting(other)
         except (can.CanError, OSError, ValueError, TypeError, ImportError) as error:
-            self._claim.close()
+            self._held.close()
             raise RigError(
                 f"{self.name}: CAN bus {self.channel} ({self.interface}) cannot be opened: "
                 f"{reason(error)}"
             ) from error
+        if self.fd and not self._has_fd():
+            self.close()
+            raise RigError(
+                f"{self.name}: CAN bus {self.channel} ({self.interface}) has no CAN FD: expected "
+                "an interface that was set up with CAN FD"
+            )
         self._polled = self.now()
 
-    def _claim_bus(self) -> None:
-        """Claim the bus, until `close`; raise RigError if another process has claimed it."""
-        identity = json.dumps(self._identity(), sort_keys=True, default=str)
-        name = f"CAN bus {hashlib.sha256(identity.encode()).hexdigest()[:32]}"
-        try:
-            held = claim(name)
-        except (AttributeError, OSError):  # a system without these claims
-            return
-        if held is None:
-            raise RigError(
-                f"{self.name}: CAN bus {self.channel} ({self.interface}) is used by "
-                f"{process_text(claimant(name) or 0)}: expected a bus that no other process uses"
-            )
-        self._claim.enter_context(held)
+    def _fd_options(self) -> dict[str, Any]:
+        """Return the arguments with which python-can opens a bus with CAN FD."""
+        if self.interface == "virtual":
+            return {"protocol": can.CanProtocol.CAN_FD}
+        rate = {"data_bitrate": self._data_bitrate} if self._data_bitrate else {}
+        return {"fd": True, **rate}
+
+    def _has_fd(self) -> bool:
+        """Return whether the opened bus can send CAN FD frames."""
+        if not self._bus or self._bus.protocol is can.CanProtocol.CAN_20:
+            return False
+        if self.interface == "socketcan":
+            with contextlib.suppress(OSError, ValueError):
+                return int(Path(f"/sys/class/net/{self.channel}/mtu").read_text()) >= FD_MTU
+        return True
 
     def _identity(self) -> list[object]:
         """Return what identifies the bus: the same for each way to name the same bus."""
@@ -173,10 +190,30 @@ class CanBus(Bus):
         if flags and flags & (StatusFlags.ERROR_WARNING | StatusFlags.ERROR_PASSIVE):
             self.errors += 1
 
-    def send(self, identifier: int, data: bytes, extended: bool = False) -> None:
-        """Send a data frame without waiting."""
+    def send(
+        self,
+        identifier: int,
+        data: bytes,
+        extended: bool = False,
+        fd: bool = False,
+        bitrate_switch: bool = False,
+    ) -> None:
+        """Send a data frame without waiting.
+
+        `fd`: whether it is a CAN FD frame. `bitrate_switch`: whether its data are sent with the
+        bit rate of the data.
+        """
+        if fd and (not self.fd or len(data) not in FD_LENGTHS):
+            raise ValueError(f"CAN FD frame of {len(data)} bytes: expected a bus with CAN FD")
         self._put(
-            can.Message(arbitration_id=identifier, data=data, is_extended_id=extended, check=False)
+            can.Message(
+                arbitration_id=identifier,
+                data=data,
+                is_extended_id=extended,
+                is_fd=fd,
+                bitrate_switch=bitrate_switch,
+                check=False,
+            )
         )
 
     def request(self, identifier: int, length: int = 8) -> None:
@@ -200,7 +237,7 @@ class CanBus(Bus):
             with contextlib.suppress(can.CanError, OSError):
                 self._bus.shutdown()
         self._bus = None
-        self._claim.close()
+        self._held.close()
 
     def _gone(self, error: Exception) -> RigError:
         where = "" if self.interface == "slcan" else f"CAN bus {self.channel} ({self.interface}): "

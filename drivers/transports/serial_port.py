@@ -7,28 +7,17 @@ from collections.abc import Callable
 
 from drivers.rig import RigError, reason
 from drivers.transports.bulk_port import BusyPortError, PortablePort, open_port
-from drivers.transports.bus import Bus
-
-BITS = 10
-"""Number of bits on the line per byte, including one start bit and one stop bit."""
+from drivers.transports.stream_port import StreamPort
 
 
-class SerialPort(Bus):
-    """A serial port. The received bytes are passed to the function given to `attach`."""
+class SerialPort(StreamPort):
+    """A serial port."""
+
+    baud: int
 
     def __init__(self, name: str, now: Callable[[], float], port: str, baud: int) -> None:
-        super().__init__(name, now)
-        self.port = port
-        self.baud = baud
-        self.received = 0
-        """Number of received bytes."""
-        self._receive: Callable[[bytes, float], object] | None = None
+        super().__init__(name, now, port, baud)
         self._opened: PortablePort | None = None
-        self._polled = now()
-
-    def attach(self, receive: Callable[[bytes, float], object]) -> None:
-        """Register the function to which `poll` passes the bytes and their arrival time [s]."""
-        self._receive = receive
 
     def open(self) -> None:
         """Open the port, and discard the bytes that have already arrived."""
@@ -45,49 +34,13 @@ class SerialPort(Bus):
             ) from error
         self._polled = self.now()
 
-    def poll(self) -> None:
-        """Pass all received bytes to the function that `attach` has registered.
-
-        The arrival time of the bytes is estimated as the mean of the time of this reading and the
-        time of the previous reading.
-        """
-        data, now = self.drain(), self.now()
-        if data and self._receive:
-            self.received += len(data)
-            self._receive(data, 0.5 * (self._polled + now))
-        self._polled = now
-
-    def drain(self) -> bytes:
-        """Return all bytes that have arrived, without waiting."""
+    def _read(self) -> bytes:
         assert self._opened
-        try:
-            return self._opened.read(0.0)
-        except (OSError, ValueError) as error:
-            raise self._gone(error) from error
+        return self._opened.read(0.0)
 
-    def write(self, data: bytes) -> None:
-        """Send bytes without waiting."""
+    def _write(self, data: bytes) -> int:
         assert self._opened
-        try:
-            written = self._opened.write(data, 0.0)
-        except (OSError, ValueError) as error:
-            raise self._gone(error) from error
-        if written != len(data):
-            raise RigError(f"{self.name}: port {self.port} does not send: its buffer is full")
-
-    def line_time(self, size: int) -> float:
-        """Return the time [s] that the port needs to transmit `size` bytes."""
-        return BITS * size / self.baud
-
-    def no_frame_message(self, seconds: float, device: str, baud: int) -> str:
-        """Return the error message for a device that sent no valid frame."""
-        where = f"no valid frame in {seconds:g} s on {self.name} ({self.port})"
-        if not self.received:
-            return f"{where}, and no other byte: expected {device} with power on"
-        return (
-            f"{where}, but {self.received} bytes: expected {device} at {baud} baud, check the "
-            "baud rate"
-        )
+        return self._opened.write(data, 0.0)
 
     def close(self) -> None:
         """Close the port."""
@@ -95,6 +48,3 @@ class SerialPort(Bus):
             with contextlib.suppress(OSError):
                 self._opened.close()
         self._opened = None
-
-    def _gone(self, error: Exception) -> RigError:
-        return RigError(f"{self.name}: port {self.port} is disconnected: {reason(error)}")

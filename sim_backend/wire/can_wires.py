@@ -10,6 +10,7 @@ import math
 from abc import abstractmethod
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import can
 
@@ -127,22 +128,32 @@ class SlcanWire(CanWire):
         """Return a list with the file descriptor of the pseudo-terminal; empty if it is closed."""
         return self.port.filenos()
 
+    def host_entries(self) -> dict[str, str | int]:
+        """Return the path of the pseudo-terminal."""
+        return {"channel": str(self.port.path)}
+
 
 class InterfaceWire(CanWire):
     """A real or virtual CAN bus that the library python-can opens, for example with SocketCAN.
 
-    The host opens the same bus.
+    The host opens the same bus. `fd`: whether the bus has CAN FD.
     """
 
-    def __init__(self, interface: str, channel: str, devices: Sequence[EmulatedCanDevice]) -> None:
+    def __init__(
+        self, interface: str, channel: str, fd: bool, devices: Sequence[EmulatedCanDevice]
+    ) -> None:
         super().__init__(devices)
-        self._interface, self._channel = interface, channel
+        self._interface, self._channel, self._fd = interface, channel, fd
         self._bus: can.BusABC | None = None
 
     def open(self) -> None:
         """Connect to the CAN bus; raise OSError if the bus cannot be opened."""
         try:
-            self._bus = can.Bus(interface=self._interface, channel=self._channel)
+            options: dict[str, Any] = {}
+            if self._fd:  # the interface `virtual` has an option of its own
+                is_virtual = self._interface == "virtual"
+                options = {"protocol": can.CanProtocol.CAN_FD} if is_virtual else {"fd": True}
+            self._bus = can.Bus(interface=self._interface, channel=self._channel, **options)
         except can.CanError as error:
             raise OSError(str(error)) from error
 
@@ -173,3 +184,7 @@ class InterfaceWire(CanWire):
         """Return a list with the file descriptor of the bus; empty if the bus has none."""
         number = self._bus.fileno() if self._bus else -1
         return [number] if number >= 0 else []
+
+    def host_entries(self) -> dict[str, str | int]:
+        """Return the channel of the bus, which is that of the rig file."""
+        return {"channel": self._channel}

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -100,7 +102,7 @@ class EmulatedDevice(ABC):  # noqa: B024
 
 
 class EmulatedSerialDevice(EmulatedDevice):
-    """Base class of emulated devices on a serial port."""
+    """Base class of emulated devices on a serial port or a TCP connection."""
 
     @abstractmethod
     def receive(self, data: bytes, now: float) -> None:
@@ -109,6 +111,27 @@ class EmulatedSerialDevice(EmulatedDevice):
     @abstractmethod
     def emit(self, now: float) -> list[bytes]:
         """Return the frames that the device sends at time `now` [s], including answers."""
+
+
+class EmulatedDatagramDevice(EmulatedDevice):
+    """Base class of emulated devices that exchange UDP datagrams.
+
+    Attributes
+    ----------
+    pages
+        Pages of the web server of the device, by path. A device without pages has no web server.
+        With a web server, the section of the device in a rig file has the entry `http_port`.
+    """
+
+    pages: Mapping[str, bytes] = MappingProxyType({})
+
+    @abstractmethod
+    def receive(self, data: bytes, now: float) -> None:
+        """Process a datagram from the host at time `now` [s]."""
+
+    @abstractmethod
+    def emit(self, now: float) -> list[bytes]:
+        """Return the datagrams that the device sends at time `now` [s], including answers."""
 
 
 class EmulatedCanDevice(EmulatedDevice):

@@ -1,7 +1,7 @@
 """Emulator of all devices in a rig file (TOML file that describes a telemanipulator).
 
-It creates serial ports and CAN buses. A host (the program that controls the devices) can open them
-like those of real devices.
+It creates serial ports, CAN buses and network ports. A host (the program that controls the devices)
+can open them like those of real devices.
 """
 
 from __future__ import annotations
@@ -15,10 +15,16 @@ from types import TracebackType
 from typing import NamedTuple, Self
 
 from drivers.rig_file import RigFile
-from drivers.rig_sections import CanSettings
+from drivers.rig_sections import CanSettings, TcpSettings, UdpSettings
 from sim_backend.wire.can_wires import InterfaceWire, SlcanWire
-from sim_backend.wire.emulated_device import EmulatedCanDevice, EmulatedDevice, EmulatedSerialDevice
+from sim_backend.wire.emulated_device import (
+    EmulatedCanDevice,
+    EmulatedDatagramDevice,
+    EmulatedDevice,
+    EmulatedSerialDevice,
+)
 from sim_backend.wire.mechanism import Mechanism, RigMaker
+from sim_backend.wire.network_wires import TcpWire, UdpWire
 from sim_backend.wire.registry import emulated_class
 from sim_backend.wire.serial_wire import SerialWire
 from sim_backend.wire.wire import Wire
@@ -45,10 +51,10 @@ ACTIONS = ("unplug", "replug", "reset")
 class Emulator:
     """Emulated devices of a rig file (TOML file that describes a telemanipulator).
 
-    For each bus (serial line or CAN bus) in the rig file, the emulator has a `Wire`, which connects
-    the devices on the bus to the host. The emulator is a context manager. It opens the wires at the
-    start and closes them at the end. Serial ports, and the serial ports of slcan adapters, are
-    pseudo-terminals. Other CAN buses are opened with python-can.
+    For each bus in the rig file, the emulator has a `Wire`, which connects the devices on the bus
+    to the host. The emulator is a context manager. It opens the wires at the start and closes them
+    at the end. Serial ports, and the serial ports of slcan adapters, are pseudo-terminals. Other
+    CAN buses are opened with python-can. UDP and TCP use free ports of the loopback interface.
     """
 
     def __init__(
@@ -91,14 +97,19 @@ class Emulator:
     def _wire(self, bus: str, folder: Path) -> Wire:
         settings = self.file.sections.buses[bus]
         path = folder / bus
-        if not isinstance(settings, CanSettings):
+        if isinstance(settings, UdpSettings):
             (device,) = self._on(bus)
-            assert isinstance(device, EmulatedSerialDevice)
-            return SerialWire(path, device, settings.baud_bps)
+            assert isinstance(device, EmulatedDatagramDevice)
+            return UdpWire(device)
+        if not isinstance(settings, CanSettings):
+            lined = [d for d in self._on(bus) if isinstance(d, EmulatedSerialDevice)]
+            if isinstance(settings, TcpSettings):
+                return TcpWire(lined, settings.baud_bps)
+            return SerialWire(path, lined, settings.baud_bps)
         devices = [d for d in self._on(bus) if isinstance(d, EmulatedCanDevice)]
         if settings.interface == "slcan":
             return SlcanWire(path, devices)
-        return InterfaceWire(settings.interface, settings.channel, devices)
+        return InterfaceWire(settings.interface, settings.channel, settings.fd, devices)
 
     def reset(self, name: str) -> None:
         """Restart the device with this name, as after an interruption of its power supply."""
@@ -179,29 +190,29 @@ class Emulator:
             wire.close()
 
 
-def host_ports(file: RigFile, folder: Path) -> dict[str, str]:
-    """Return the serial ports and CAN channels that a host must open to connect to the emulator."""
+def host_ports(emulator: Emulator) -> dict[str, str]:
+    """Return the ports and CAN channels that a host must open to connect to the emulator."""
     return {
-        name: bus.channel
-        if isinstance(bus, CanSettings) and bus.interface != "slcan"
-        else str(folder / name)
-        for name, bus in file.sections.buses.items()
+        name: ":".join(map(str, wire.host_entries().values()))
+        for name, wire in emulator.wires.items()
     }
 
 
-def host_file(file: RigFile, folder: Path) -> str:
+def host_file(emulator: Emulator) -> str:
     """Return the text of a rig file with which a host connects to the emulated devices.
 
-    The text is that of `file`, with two changes. The serial ports and CAN channels are those of the
-    emulator (see `host_ports`), and the paths of files are absolute.
+    The text is that of the emulator's rig file, with two changes. The ports and CAN channels are
+    those of the emulator (see `host_ports`, and `http_port` of a device with a web server), and the
+    paths of files are absolute.
     """
     import tomlkit
 
-    document = tomlkit.parse(file.text)
-    for name, port in host_ports(file, folder).items():
-        bus = document["buses"][name]
-        bus["port" if bus["kind"] == "serial" else "channel"] = port
-    for name, device in file.devices.items():
+    document = tomlkit.parse(emulator.file.text)
+    for name, wire in emulator.wires.items():
+        document["buses"][name].update(wire.host_entries())
+        for device_name, entries in wire.device_entries().items():
+            document["devices"][device_name].update(entries)
+    for name, device in emulator.file.devices.items():
         for key, value in device:
             if isinstance(value, Path):
                 document["devices"][name][key] = str(value.resolve())

@@ -12,12 +12,14 @@ from sim_backend.wire.emulated_device import EmulatedDevice
 GROUP = "teleop.emulators"
 """Name of the group of Python entry points by which other packages add emulated devices."""
 BUILT_IN = {
+    "ati_netft": "sim_backend.wire.devices.ati_netft:EmulatedAtiNetFt",
     "board": "sim_backend.wire.devices.board:EmulatedBoard",
     "bota": "sim_backend.wire.devices.bota:EmulatedBota",
     "cia402": "sim_backend.wire.devices.cia402:EmulatedCia402",
     "dbc": "sim_backend.wire.devices.dbc:EmulatedDbcDevice",
     "ft300": "sim_backend.wire.devices.ft300:EmulatedFt300",
     "mit_motor": "sim_backend.wire.devices.mit_motor:EmulatedMitMotor",
+    "moteus": "sim_backend.wire.devices.moteus:EmulatedMoteus",
     "odrive": "sim_backend.wire.devices.odrive:EmulatedODrive",
 }
 

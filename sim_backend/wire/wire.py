@@ -10,7 +10,7 @@ from sim_backend.wire.wire_faults import WireFault
 
 
 class Wire(ABC):
-    """CAN bus or serial line that connects emulated devices to the host.
+    """CAN bus, serial line or network that connects emulated devices to the host.
 
     An emulated device is software with the protocol of a real device. The host is the program that
     uses the devices.
@@ -31,7 +31,7 @@ class Wire(ABC):
 
     @abstractmethod
     def open(self) -> None:
-        """Create the serial port, or connect to the CAN bus, so that a host can use the devices."""
+        """Create the port, or connect to the CAN bus, so that a host can use the devices."""
 
     @abstractmethod
     def serve(self, now: float) -> None:
@@ -47,7 +47,7 @@ class Wire(ABC):
 
     @abstractmethod
     def close(self) -> None:
-        """Remove the serial port, or disconnect from the CAN bus. The host loses the connection."""
+        """Remove the port, or disconnect from the CAN bus. The host loses the connection."""
 
     @abstractmethod
     def filenos(self) -> list[int]:
@@ -60,3 +60,11 @@ class Wire(ABC):
         At this time, a device sends a frame that the host has not requested, or the transmission of
         a frame to the host ends. The time is infinite if neither of them is expected.
         """
+
+    def device_entries(self) -> dict[str, dict[str, int]]:
+        """Return the entries of devices that a host needs, by the name of the device."""
+        return {}
+
+    @abstractmethod
+    def host_entries(self) -> dict[str, str | int]:
+        """Return the entries of the bus in the rig file with which a host finds the devices."""

@@ -149,7 +149,8 @@ class Truncated(Random):
         """Return the frame. If the fault affects it, only the first half of its data remains."""
         if frame.is_remote_frame or not self.is_affected():
             return frame
-        return with_data(frame, frame.data[: len(frame.data) // 2])
+        half = len(frame.data) // 2
+        return with_data(frame, frame.data[: max(n for n in lengths(frame) if n <= half)])
 
 
 class WrongLength(Random):
@@ -160,17 +161,20 @@ class WrongLength(Random):
         return data[:-1] + b"\x55\x55\x55" + data[-1:] if data and self.is_affected() else data
 
     def frame(self, frame: can.Message) -> can.Message:
-        """Return the frame. If the fault affects it, append one byte to its data.
+        """Return the frame. If the fault affects it, its data have the next larger length.
 
-        If the data already have the largest length of a CAN frame, remove the last byte instead.
+        If the data already have the largest length of a CAN frame, they have the next smaller one.
         """
         if frame.is_remote_frame or not self.is_affected():
             return frame
-        return with_data(frame, (frame.data + b"\x55") if len(frame.data) < 8 else frame.data[:7])
+        longer = [length for length in lengths(frame) if length > len(frame.data)]
+        if not longer:
+            return with_data(frame, frame.data[: lengths(frame)[-2]])
+        return with_data(frame, frame.data.ljust(longer[0], b"\x55"))
 
 
 class Corrupted(Random):
-    """Fault: in serial frames chosen at random, one bit is inverted.
+    """Fault: in frames chosen at random, one bit is inverted.
 
     This fault does not exist for CAN frames, because CAN controllers discard frames with bit
     errors.
@@ -186,7 +190,7 @@ class Corrupted(Random):
 
 
 class Noise(Random):
-    """Fault: on a serial line, random bytes are received between the frames."""
+    """Fault: on a serial line or by UDP, random bytes are received between the frames."""
 
     def noise(self) -> bytes:
         """Return some random bytes with the probability `share`, and otherwise no bytes."""
@@ -247,8 +251,15 @@ FAULTS: dict[str, Callable[[], WireFault]] = {
 """Functions that return a new object of a fault, by the name of the fault."""
 ON_CAN = ("error-frames", "bus-off")
 """Names of the faults that exist only on CAN buses."""
-ON_SERIAL_LINES = ("corrupt", "noise", "baud", "unplug", "replug")
-"""Names of the faults that exist only on serial lines, including the line of an slcan adapter."""
+NOT_ON_CAN = ("corrupt", "noise", "baud", "unplug", "replug")
+"""Names of the faults that no CAN bus has, except one with an slcan adapter."""
+NOT_ON_UDP = ("baud",)
+"""Names of the faults that UDP datagrams do not have."""
+
+
+def lengths(frame: can.Message) -> tuple[int, ...]:
+    """Return the possible numbers of data bytes of a CAN frame, or of a CAN FD frame."""
+    return (*range(9), 12, 16, 20, 24, 32, 48, 64) if frame.is_fd else tuple(range(9))
 
 
 def with_data(frame: can.Message, data: bytes | bytearray) -> can.Message:
@@ -256,5 +267,7 @@ def with_data(frame: can.Message, data: bytes | bytearray) -> can.Message:
     return can.Message(
         arbitration_id=frame.arbitration_id,
         is_extended_id=frame.is_extended_id,
+        is_fd=frame.is_fd,
+        bitrate_switch=frame.bitrate_switch,
         data=data,
     )

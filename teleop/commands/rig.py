@@ -19,6 +19,8 @@ rig = App(
 def list_(*, json: Json = False) -> int:
     """List the serial ports and CAN buses of this machine.
 
+    Devices on a network cannot be listed. Their address is given in the rig file.
+
     Example: `teleop rig list`
     """
     from drivers.ports import available_ports

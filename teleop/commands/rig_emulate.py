@@ -1,4 +1,4 @@
-"""`teleop rig emulate`: emulate the serial and CAN devices of a rig, without hardware."""
+"""`teleop rig emulate`: emulate the devices of a rig, without hardware."""
 
 from __future__ import annotations
 
@@ -37,10 +37,11 @@ def emulate(
 ) -> int:
     """Emulate the devices of a rig, connected to the simulated plant, until stopped.
 
-    Pseudo-terminals replace the serial ports and slcan adapters. If the rig uses a SocketCAN bus,
-    this bus must exist. When the devices are ready, the command prints a `teleop run` command,
-    which you enter in another terminal. A little more than one second after the drives are
-    disabled, the simulated plant returns to its initial state.
+    Pseudo-terminals replace the serial ports and slcan adapters, and ports of the loopback
+    interface replace UDP and TCP. If the rig uses a SocketCAN bus, this bus must exist. When the
+    devices are ready, the command prints a `teleop run` command, which you enter in another
+    terminal. A little more than one second after the drives are disabled, the simulated plant
+    returns to its initial state.
 
     The simulated operator presses to the depth that is given to this command, not to the depth that
     is given to `teleop run`. To change the operator, the cube or the depth between two trials, type
@@ -124,8 +125,8 @@ def emulate(
             opened(emulator),
             realtime(urgency, REALTIME_STEPS) as real_time,
         ):
-            write_text(out, with_checksum(host_file(rig, folder), WRITER), overwrite)
-            ports = host_ports(rig, folder)
+            write_text(out, with_checksum(host_file(emulator), WRITER), overwrite)
+            ports = host_ports(emulator)
             if json:
                 console.print_json({"rig": rig.sections.name, "file": str(out), "ports": ports})
             else:

@@ -10,6 +10,7 @@ from rich.console import Console
 
 from estimation.misfit import LARGEST_MISFIT
 from estimation.quantities import DAMPING, FORCE_ERROR, RESULTS, STIFFNESS, Quantity
+from teleop.names import FORCE_SENSOR
 from teleop.output.console import number, plain_console, print_table, small
 from teleop.output.result_tables import (
     print_best_model,
@@ -206,6 +207,8 @@ def print_estimated(console: Console, summary: Mapping[str, Any]) -> None:
     """Print the names of the channels without a sensor, whose values an observer estimated."""
     for name in summary.get("estimated_channels", ()):
         console.print(f"  {name}: estimated by an observer, not measured", style="yellow")
+    if (source := summary.get("hand_force", FORCE_SENSOR)) != FORCE_SENSOR:
+        console.print(f"  force of the hand: {source}")
 
 
 def print_reading(console: Console, summary: Mapping[str, Any]) -> None:

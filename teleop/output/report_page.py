@@ -154,6 +154,8 @@ def facts(recording: Recording, motion: Mapping[str, str]) -> Iterator[tuple[str
     settings = stated_settings(recording.settings)
     yield "date", session.get("created", "not known")
     yield "rig", session.get("rig", "not known")
+    if source := session.get("hand_force"):
+        yield "force of the hand", source
     for name in STATED:
         value = settings.get(name)
         if name.endswith("_s") and value is not None:

@@ -8,6 +8,7 @@ from typing import Any
 from rich.console import Console
 
 from estimation.quantities import DAMPING, STIFFNESS
+from teleop.names import ISOMETRIC
 from teleop.output.console import plain_console
 from teleop.output.estimate_tables import left_out_lines, print_estimated, print_online
 from teleop.output.next_command import print_command
@@ -40,7 +41,7 @@ def print_trial(summary: Mapping[str, Any], details: bool) -> None:
     elif details:
         console.print(f"  loop: {summary['ticks']} ticks at {loop['rate_hz']:g} Hz, virtual time")
     print_rejected(console, summary["rejected"])
-    print_limited(console, summary["safety"])
+    print_limited(console, summary)
     recording = summary["recording"]
     if recording["path"]:
         console.print(f"  recording: {recording['path']}")
@@ -243,11 +244,23 @@ def print_rejected(console: Console, rejected: Mapping[str, Mapping[str, int]]) 
         console.print(f"  {device}: rejected {reasons}", style="yellow")
 
 
-def print_limited(console: Console, safety: Mapping[str, Any]) -> None:
+OFTEN = 0.1
+"""Smallest share of ticks at the soft position limit that is a remark for an isometric handle."""
+
+
+def print_limited(console: Console, summary: Mapping[str, Any]) -> None:
     """Print which soft limits reduced the commanded velocity, and in how many ticks."""
-    held = [f"{name} {count} ticks" for name, count in safety["limited_ticks"].items() if count]
+    limited = summary["safety"]["limited_ticks"]
+    held = [f"{name} {count} ticks" for name, count in limited.items() if count]
     if held:
         console.print(f"  soft limits limited the command: {', '.join(held)}", style="yellow")
+    if summary["hand_force"] == ISOMETRIC and limited["position"] > OFTEN * summary["ticks"]:
+        text = (
+            "  the handle does not move, so that a constant force moves the slave at a constant "
+            "speed up to its position limit: expected admittance.stiffness, with which each force "
+            "has a position"
+        )
+        console.print(wrapped(text, console.width), style="yellow")
 
 
 def print_fault(console: Console, safety: Mapping[str, Any]) -> None:

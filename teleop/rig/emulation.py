@@ -10,11 +10,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from drivers.rig_file import RigFile
-from drivers.rig_sections import CanSettings, SerialSettings, coupling_of
+from drivers.rig_sections import AnyBusSettings, CanSettings, UdpSettings, coupling_of
 from sim_backend import CUBES, AttentiveOperator, ForceMaster, MimickedSine
 from sim_backend.wire.emulator import ACTIONS, Emulator, PlannedFault
 from sim_backend.wire.mechanism import NEVER
-from sim_backend.wire.wire_faults import FAULTS, ON_CAN, ON_SERIAL_LINES
+from sim_backend.wire.wire_faults import FAULTS, NOT_ON_CAN, NOT_ON_UDP, ON_CAN
 from teleop.control.conditions import CONDITIONS
 from teleop.errors import InputError
 from teleop.settings.trial_settings import TrialSettings
@@ -132,17 +132,15 @@ def read_fault(text: str, rig: RigFile) -> PlannedFault:
     return PlannedFault(kind, where, seconds)
 
 
-def is_possible(kind: str, bus: SerialSettings | CanSettings) -> bool:
+def is_possible(kind: str, bus: AnyBusSettings) -> bool:
     """Return whether a kind of fault can occur on a bus.
 
-    Some kinds of fault occur only on serial lines, other kinds only on CAN buses. All kinds can
-    occur on a CAN bus with an slcan adapter, because this adapter is on a serial line.
+    All kinds can occur on a CAN bus with an slcan adapter, because this adapter is on a serial
+    line.
     """
-    if kind in ON_CAN:
-        return isinstance(bus, CanSettings)
-    return (
-        kind not in ON_SERIAL_LINES or not isinstance(bus, CanSettings) or bus.interface == "slcan"
-    )
+    if isinstance(bus, CanSettings):
+        return kind not in NOT_ON_CAN or bus.interface == "slcan"
+    return kind not in ON_CAN and not (isinstance(bus, UdpSettings) and kind in NOT_ON_UDP)
 
 
 def make_emulator(

@@ -51,7 +51,16 @@ from teleop.control.excitation_signals import AnySignal, Sine
 from teleop.control.feedback.settings import FeedbackSettings
 from teleop.control.tare import NO_TARE, Tare
 from teleop.control.target import Target
-from teleop.names import ClockName, ConditioningName, ConditionName, CubeName
+from teleop.names import (
+    COUPLED,
+    FORCE_SENSOR,
+    ISOMETRIC,
+    NO_HANDLE,
+    ClockName,
+    ConditioningName,
+    ConditionName,
+    CubeName,
+)
 from teleop.safety import Limits
 from teleop.safety.rig_limits import rig_limits
 from teleop.safety.tightened_limits import NOT_TIGHTENED, TightenedLimits
@@ -280,11 +289,24 @@ class TrialSettings:
 
     @property
     def hand_force_source(self) -> str:
-        """How the force of the hand is found: measured, from a coupling, or not at all."""
+        """How the force of the hand is found: one of the sources in `teleop.names`."""
         measured = not self.rig or self.rig.sections.channels.master_force is not None
         if self.master_coupling and not (self.rig and measured):
-            return "virtual coupling of the master"
-        return "force sensor" if measured else "none: the rig has no handle"
+            return COUPLED
+        if not measured:
+            return NO_HANDLE
+        return ISOMETRIC if self.is_isometric else FORCE_SENSOR
+
+    @property
+    def is_isometric(self) -> bool:
+        """Whether the handle does not move: it has a force sensor, but no drive and no encoder."""
+        if not self.rig:
+            return False
+        sections = self.rig.sections
+        channels = sections.channels
+        return bool(channels.master_force) and not (
+            sections.drives.master or channels.master_position
+        )
 
     @property
     def has_link(self) -> bool:

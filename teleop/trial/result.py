@@ -305,6 +305,7 @@ class Trial(Presented):
             "operator": settings.operator,
             "notes": settings.notes,
             "rig": settings.rig_name,
+            "hand_force": settings.hand_force_source,
             "estimated_channels": list(estimated_channels(settings)),
             "duration_s": settings.duration,
             "actual_duration_s": found.end - (self.armed or {"time": 0.0})["time"]

@@ -1,122 +1,190 @@
-"""Axes of drives that accept forces or positions, or close a coupling themselves."""
+"""Axes make every kind of drive follow a commanded velocity, and stop it without force."""
 
 from __future__ import annotations
 
+import math
+
 import pytest
 
-from drivers.axes import make_axis
+from drivers.axes import CoupledAxis, DeviceCoupledAxis, PositionAxis, VelocityAxis, make_axis
 from drivers.coupling import CouplingParameters
-from drivers.device import ForceDrive, ImpedanceDrive, PositionDrive, Sample
+from drivers.device import ForceDrive, ImpedanceDrive, PositionDrive, Sample, VelocityDrive
 
-TICK = 1e-3
+PERIOD = 1e-3
+COUPLING = CouplingParameters(500.0, max_force=10.0, friction=1.0)
 
 
-class FakeDrive:
-    """A drive that stores its commands."""
+class Recorded:
+    """A drive that stores its commands and is in operation once it was enabled."""
 
     def __init__(self):
         self.commands = []
+        self.operates = False
 
     def enable(self):
+        self.operates = True
         return True
 
     def idle(self):
+        self.operates = False
         return True
-
-
-class Impedance(FakeDrive, ImpedanceDrive):
-    def rounded(self, stiffness, damping):
-        return 100.0 * round(stiffness / 100.0), damping
 
     def command(self, *values):
         self.commands.append(values)
-        return values[:2]
+        return values[0] if len(values) == 1 else values[:2]
 
 
-class Force(FakeDrive, ForceDrive):
-    def command(self, force):
-        self.commands.append(force)
-        return force
+class Velocities(Recorded, VelocityDrive): ...
 
 
-class Position(FakeDrive, PositionDrive):
-    def command(self, position):
-        self.commands.append(position)
-        return position
+class Positions(Recorded, PositionDrive): ...
 
 
-def axis_of(drive, sign=1, reading=0.0, **coupling):
-    parameters = CouplingParameters(**({"stiffness": 950.0, "max_force": 5.0} | coupling))
-    return make_axis(drive, sign, lambda: reading, parameters, 2e-3, 0.5, 0.02)
+class Forces(Recorded, ForceDrive): ...
 
 
-def at_rest(axis, position=0.0):
-    """Measure a position until the axis is enabled; return the time of the last measurement."""
-    for i in range(10):
-        axis.measure(Sample(position, i * TICK))
+class Impedances(Recorded, ImpedanceDrive): ...
+
+
+def axis_of(drive, sign=1, reading=lambda: 0.25, coupling=COUPLING):
+    return make_axis(drive, sign, reading, coupling, 5e-3, 0.4, 0.02)
+
+
+def test_each_kind_of_drive_gets_its_axis():
+    kinds = {
+        Velocities: VelocityAxis,
+        Positions: PositionAxis,
+        Forces: CoupledAxis,
+        Impedances: DeviceCoupledAxis,
+    }
+    for drive, axis in kinds.items():
+        assert type(axis_of(drive())) is axis
+    with pytest.raises(ValueError, match="virtual coupling"):
+        axis_of(Forces(), coupling=None)
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_position_drive_receives_the_integral_from_its_present_position(sign):
+    drive = Positions()
+    axis = axis_of(drive, sign)
+    assert axis.command(0.1, 0.0) == 0.0
+    assert not drive.commands
     assert axis.enable()
-    return 9 * TICK
+    for k in range(11):
+        assert axis.command(0.1, k * PERIOD) == 0.1
+    assert drive.commands[0] == (0.25,)
+    assert drive.commands[-1][0] == pytest.approx(0.25 + sign * 0.1 * 10 * PERIOD)
+    axis.command(0.1, 5.0)  # an interruption of the loop
+    assert drive.commands[-1][0] == pytest.approx(0.25 + sign * 0.1 * (10 * PERIOD + 0.02))
+    axis.idle()
+    assert axis.enable()
+    assert drive.commands[-1] == (0.25,)
 
 
-def test_an_impedance_drive_gets_the_gains_that_it_can_apply():
-    drive = Impedance()
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_force_drive_pushes_against_the_displacement_of_its_part(sign):
+    drive = Forces()
+    axis = axis_of(drive, sign)
+    axis.measure(Sample(0.0, 0.0))
+    axis.measure(Sample(0.0, PERIOD))
+    assert axis.enable()
+    for k in range(2, 22):  # the hand moves by 0.1 mm in each period
+        axis.measure(Sample((k - 1) * 1e-4, k * PERIOD))
+    axis.command(0.0, 22 * PERIOD)
+    assert axis.force == pytest.approx(500.0 * 20e-4)
+    assert drive.commands[-1][0] == pytest.approx(-sign * 1.0)
+    axis.idle()
+    assert drive.commands[-1] == (0.0,)
+    assert axis.force == pytest.approx(1.0)
+    axis.measure(Sample(0.01, 0.1))
+    assert axis.force == 0.0
+
+
+def test_a_moving_part_is_not_enabled_and_the_reason_is_stated():
+    drive = Forces()
     axis = axis_of(drive)
+    for k in range(100):
+        axis.measure(Sample(k * 1e-4, k * PERIOD))
+    assert not axis.enable()
+    assert not drive.operates
+    assert axis.waits_for == "a speed below 5 mm/s"
+    for k in range(100, 200):
+        axis.measure(Sample(99e-4, k * PERIOD))
+    assert axis.enable()
+
+
+def test_a_part_that_moves_too_fast_in_operation_is_an_error():
+    axis = axis_of(Forces(), coupling=CouplingParameters(1.0, max_force=10.0, friction=1.0))
+    axis.measure(Sample(0.0, 0.0))
+    axis.measure(Sample(0.0, PERIOD))
+    axis.enable()
+    for k in range(2, 40):
+        axis.measure(Sample(k * 1e-3, k * PERIOD))
+    assert "at most 400 mm/s" in axis.error
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_drive_with_its_own_coupling_receives_the_proxy_on_its_scale(sign):
+    drive = Impedances()
+    part = 0.0
+    axis = axis_of(drive, sign, reading=lambda: 0.25 + sign * part)
+    axis.measure(Sample(part, 0.0))
+    axis.measure(Sample(part, PERIOD))
+    assert axis.enable()
+    axis.command(0.05, PERIOD)
+    for k in range(2, 12):
+        part = (k - 1) * 2e-5
+        axis.measure(Sample(part, k * PERIOD))
+        axis.command(0.05, k * PERIOD)
+    position, velocity, stiffness, damping = drive.commands[-1]
+    assert position == pytest.approx(0.25 + sign * 0.05 * 10 * PERIOD)
+    assert (velocity, stiffness, damping) == (sign * 0.05, 500.0, 0.0)
+    assert axis.force == pytest.approx(500.0 * (2e-4 - 5e-4))
+    axis.idle()
+    assert drive.commands[-1][1:] == (0.0, 0.0, 0.0)
+
+
+def test_a_velocity_drive_has_no_coupling():
+    drive = Velocities()
+    axis = axis_of(drive, -1)
+    assert axis.command(0.2, 0.0) == 0.2
+    assert drive.commands == [(-0.2,)]
+    assert math.isnan(axis.force)
+
+
+class Coarse(Impedances):
+    """A drive that applies multiples of 100 N/m only."""
+
+    def rounded(self, stiffness, damping):
+        return 100.0 * round(stiffness / 100.0), damping
+
+
+def test_a_drive_with_its_own_coupling_receives_the_gains_that_it_can_apply():
+    drive = Coarse()
+    axis = axis_of(drive, coupling=CouplingParameters(950.0, max_force=5.0))
     assert axis.coupling.parameters.stiffness == 1000.0
-    time = at_rest(axis)
-    axis.command(0.1, time)
+    axis.measure(Sample(0.0, 0.0))
+    axis.measure(Sample(0.0, PERIOD))
+    axis.enable()
+    axis.command(0.1, PERIOD)
     assert drive.commands[-1][2] == 1000.0
 
 
 @pytest.mark.parametrize("sign", [1, -1])
-def test_the_reference_of_an_impedance_drive_is_at_most_where_its_spring_has_the_largest_force(
-    sign,
-):
-    drive = Impedance()
-    axis = axis_of(drive, sign, reading=0.3)
-    time = at_rest(axis)
-    for _ in range(60):
-        axis.command(0.1, time)
-        time += TICK
-        axis.measure(Sample(0.0, time))
-        position, velocity, stiffness, _ = drive.commands[-1]
-        assert abs(stiffness * (position - 0.3)) <= 5.0 * (1 + 1e-9)
-        assert velocity == pytest.approx(sign * 0.1)
-    assert stiffness * (position - 0.3) == pytest.approx(sign * 5.0)
-
-
-def test_an_idle_impedance_drive_has_no_gains():
-    drive = Impedance()
-    axis = axis_of(drive)
-    at_rest(axis)
-    axis.idle()
-    assert drive.commands[-1] == (0.0, 0.0, 0.0, 0.0)
-
-
-@pytest.mark.parametrize("sign", [1, -1])
-def test_a_force_drive_pulls_the_moving_part_towards_the_proxy(sign):
-    drive = Force()
+def test_its_reference_is_at_most_where_its_spring_has_the_largest_force(sign):
+    drive = Impedances()
     axis = axis_of(drive, sign)
-    time = at_rest(axis)
-    axis.command(0.1, time)
-    axis.measure(Sample(0.0, time + TICK))
-    axis.command(0.1, time + TICK)
-    assert drive.commands[-1] == pytest.approx(sign * 950.0 * 0.1 * TICK)
-    assert axis.force == pytest.approx(-950.0 * 0.1 * TICK)
-
-
-def test_a_position_drive_gets_the_integral_of_the_velocity_from_its_present_position():
-    drive = Position()
-    axis = make_axis(drive, -1, lambda: 0.25, None, 2e-3, 0.5, 0.02)
+    axis.measure(Sample(0.0, 0.0))
+    axis.measure(Sample(0.0, PERIOD))
     axis.enable()
-    for i in range(11):
-        axis.command(0.1, i * TICK)
-    assert drive.commands[0] == 0.25
-    assert drive.commands[-1] == pytest.approx(0.25 - 0.1 * 10 * TICK)
-    axis.command(0.1, 5.0)  # after an interruption of the loop
-    assert drive.commands[-1] == pytest.approx(0.25 - 0.1 * 10 * TICK - 0.1 * 0.02)
+    for k in range(2, 400):
+        axis.command(0.1, k * PERIOD)
+        axis.measure(Sample(0.0, k * PERIOD))
+        assert abs(500.0 * (drive.commands[-1][0] - 0.25)) <= 10.0 * (1 + 1e-9)
+    assert 500.0 * (drive.commands[-1][0] - 0.25) == pytest.approx(sign * 10.0)
 
 
-class Coarse(Position):
+class Stepped(Positions):
     """A drive with a resolution of 10 um that goes to 1 mm."""
 
     def command(self, position):
@@ -124,14 +192,25 @@ class Coarse(Position):
 
 
 def test_the_rounding_of_a_position_drive_does_not_accumulate_and_its_limit_holds():
-    drive = Coarse()
-    axis = make_axis(drive, 1, lambda: 0.0, None, 2e-3, 0.5, 0.02)
+    drive = Stepped()
+    axis = axis_of(drive, reading=lambda: 0.0)
     axis.enable()
-    for i in range(101):
-        axis.command(2e-3, i * TICK)  # 2 um per period
-    assert drive.commands[-1] == pytest.approx(0.2e-3)
-    for i in range(101, 1000):
-        axis.command(2e-3, i * TICK)
-    for i in range(1000, 1100):
-        axis.command(-2e-3, i * TICK)
-    assert drive.commands[-1] == pytest.approx(0.9e-3, abs=1e-5)
+    for k in range(101):
+        axis.command(2e-3, k * PERIOD)  # 2 um per period
+    assert drive.commands[-1][0] == pytest.approx(0.2e-3)
+    for k in range(101, 1000):
+        axis.command(2e-3, k * PERIOD)
+    for k in range(1000, 1100):
+        axis.command(-2e-3, k * PERIOD)
+    assert drive.commands[-1][0] == pytest.approx(0.9e-3, abs=1e-5)
+
+
+def test_a_position_drive_starts_where_it_goes_into_operation():
+    drive, position = Positions(), 0.1
+    axis = axis_of(drive, reading=lambda: position)
+    drive.enable = lambda: position > 0.3
+    assert not axis.enable()
+    position = 0.35
+    assert axis.enable()
+    axis.command(0.0, 0.0)
+    assert drive.commands[-1] == (0.35,)

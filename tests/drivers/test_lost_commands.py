@@ -23,10 +23,12 @@ from drivers.devices.cia402 import Cia402
 from drivers.devices.cia402_settings import Cia402Settings
 from drivers.devices.mit_motor import MitMotor
 from drivers.devices.mit_motor_settings import MitMotorSettings
+from drivers.devices.moteus import Moteus, MoteusSettings
 from drivers.devices.odrive import ODrive, ODriveSettings
 from sim_backend.wire.devices.board import EmulatedBoard
 from sim_backend.wire.devices.cia402 import DECELERATION, EmulatedCia402
 from sim_backend.wire.devices.mit_motor import EmulatedMitMotor
+from sim_backend.wire.devices.moteus import EmulatedMoteus
 from sim_backend.wire.devices.odrive import EmulatedODrive
 from sim_backend.wire.emulated_device import EmulatedDevice, Mount
 
@@ -69,6 +71,20 @@ def cia402(mode: str = "csv") -> tuple[Device, type[EmulatedDevice]]:
     return Cia402("slave", section), EmulatedCia402
 
 
+def moteus() -> tuple[Device, type[EmulatedDevice]]:
+    section = MoteusSettings(
+        kind="moteus",
+        bus="wire",
+        node=2,
+        control="velocity",
+        travel_mm_per_turn=5.0,
+        max_velocity_mm_per_s=50.0,
+        max_torque_nm=0.5,
+        watchdog_ms=WATCHDOG * 1e3,
+    )
+    return Moteus("slave", section), EmulatedMoteus
+
+
 def board() -> tuple[Device, type[EmulatedDevice]]:
     section = BoardSettings(
         kind="board",
@@ -107,6 +123,7 @@ KINDS: dict[str, Callable[[], tuple[Device, type[EmulatedDevice]]]] = {
     "mit_motor-cubemars": lambda: mit_motor(
         "AK80-9", p_max_rad=12.5, v_max_rad_per_s=50, t_max_nm=18
     ),
+    "moteus": moteus,
 }
 
 
@@ -155,8 +172,19 @@ class Line(Mount):
         if not next(self.lost, False):
             self.emulated.receive(frame, self.time)
 
-    def send(self, identifier: int, data: bytes, extended: bool = False) -> None:
-        self.write(can.Message(arbitration_id=identifier, data=data, is_extended_id=extended))
+    def send(
+        self,
+        identifier: int,
+        data: bytes,
+        extended: bool = False,
+        fd: bool = False,
+        bitrate_switch: bool = False,
+    ) -> None:
+        self.write(
+            can.Message(
+                arbitration_id=identifier, data=data, is_extended_id=extended, is_fd=fd, check=True
+            )
+        )
 
     def request(self, identifier: int, length: int = 8) -> None:
         self.write(

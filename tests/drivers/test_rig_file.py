@@ -9,9 +9,15 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from drivers import rig_file
 from drivers.rig_file import RigFileError, read_rig_file
+from drivers.transports.serial_port import SerialPort
+from drivers.transports.shared_line import SharedLine
+from drivers.transports.tcp_port import TcpPort
 from drivers.wired_rig import WiredRig
 from teleop.safety.rig_limits import rig_limits
+
+from .shared_line_devices import Meter
 
 RIGS = Path(__file__).parents[2] / "rigs"
 EXAMPLES = sorted(RIGS.glob("*.toml"))
@@ -67,9 +73,13 @@ def test_units_become_si(tmp_path):
         ('signal = "force_1"', 'signal = "analogue_0"', "channels.contact_force.scale: missing"),
         ('drive = "axis_1"', 'drive = "axis_7"', "drives.slave.drive: 'axis_7'"),
         ('drive = "axis_1"', "", "expected a drive of the device: axis_0, axis_1"),
-        ('bus = "usb"', 'bus = "can"', "devices.board.bus: 'can': expected a serial bus"),
-        ('kind = "board"', 'kind = "bored"', "devices.board.kind: 'bored': expected one of board"),
-        ('kind = "board"', "", "devices.board.kind: None: expected one of board"),
+        ('bus = "usb"', 'bus = "can"', "devices.board.bus: 'can': expected a serial or tcp bus"),
+        (
+            'kind = "board"',
+            'kind = "bored"',
+            "devices.board.kind: 'bored': expected one of ati_netft, board",
+        ),
+        ('kind = "board"', "", "devices.board.kind: None: expected one of ati_netft, board"),
         ('kind = "serial"', 'kind = "parallel"', "buses.usb"),
         ("range_n = [-500, 500]", "range_n = [-500, nan]", "range_n.1"),
     ],
@@ -104,6 +114,97 @@ def test_two_devices_on_one_port_are_refused(tmp_path):
     assert problems(tmp_path, text) == [
         "devices.other.bus: port 'usb' is already used by device board"
     ]
+
+
+@pytest.mark.parametrize(
+    ("added", "problem"),
+    [
+        ("fd = true", "fd = true: the interface slcan has no CAN FD: expected another one"),
+        ("data_bitrate_bps = 5_000_000", "data_bitrate_bps: expected only with fd = true"),
+    ],
+)
+def test_a_bus_that_cannot_have_can_fd_is_refused(tmp_path, added, problem):
+    text = (RIGS / "odrive-bota.toml").read_text()
+    assert problems(tmp_path, text.replace('kind = "can"', f'kind = "can"\n{added}')) == [
+        f"buses.can.can: {problem}"
+    ]
+
+
+def test_a_device_that_needs_can_fd_is_refused_on_another_bus(tmp_path):
+    text = (RIGS / "moteus.toml").read_text()
+    assert problems(tmp_path, text.replace("fd = true\n", "")) == [
+        f"devices.{name}.bus: 'can': expected a bus with fd = true" for name in ("master", "slave")
+    ]
+
+
+def on_tcp(text, host, port):
+    old = 'kind = "serial"\nport = "/dev/ttyACM0"\nbaud_bps = 921600'
+    assert old in text
+    return text.replace(old, f'kind = "tcp"\nhost = "{host}"\nport = {port}')
+
+
+def test_a_serial_device_can_be_connected_by_tcp(tmp_path):
+    rig = read(tmp_path, on_tcp(BOARD, "192.168.1.5", 4001))
+    (bus,) = WiredRig(rig, lambda: 0.0).buses.values()
+    assert isinstance(bus, TcpPort)
+    assert bus.port == "192.168.1.5:4001"
+
+
+def test_the_problems_of_network_buses_are_reported_together(tmp_path):
+    text = on_tcp(BOARD, "192.168.1.5", 4001)
+    udp = '\n[buses.{name}]\nkind = "udp"\nhost = "{host}"\nport = 49152\nlocal_port = 5000\n'
+    text += udp.format(name="a", host="192.168.1.6") + udp.format(name="b", host="192.168.1.7")
+    text += udp.format(name="c", host="192.168.1.6").replace("local_port = 5000\n", "")
+    text += '[buses.d]\nkind = "tcp"\nhost = "192.168.1.5"\nport = 4001\n'
+    text += '[devices.other]\nkind = "bota"\nbus = "a"\n'
+    assert problems(tmp_path, text) == [
+        "buses.b: 'local UDP port :5000' is already used by bus a",
+        "buses.c: 'UDP port 192.168.1.6:49152' is already used by bus a",
+        "buses.d: 'TCP port 192.168.1.5:4001' is already used by bus usb",
+        "devices.other.bus: 'a': expected a serial or tcp bus of the section [buses]: usb, d",
+    ]
+
+
+@pytest.fixture
+def meters(monkeypatch):
+    """Adds the kind `meter`, whose devices may share a serial line."""
+    of_others = rig_file.device_class
+    monkeypatch.setattr(
+        rig_file, "device_class", lambda kind: Meter if kind == "meter" else of_others(kind)
+    )
+    known = rig_file.kinds()
+    monkeypatch.setattr(rig_file, "kinds", lambda: [*known, "meter"])
+
+
+LINE = '\n[buses.line]\nkind = "serial"\nport = "/dev/ttyUSB5"\nbaud_bps = 115200\n'
+
+
+def meter(name, address, bus="line"):
+    return f'[devices.{name}]\nkind = "meter"\nbus = "{bus}"\naddress = {address}\n'
+
+
+@pytest.mark.usefixtures("meters")
+def test_devices_made_for_a_shared_line_may_have_the_same_bus(tmp_path):
+    rig = WiredRig(read(tmp_path, BOARD + LINE + meter("a", 1) + meter("b", 2)), lambda: 0.0)
+    assert isinstance(rig.buses["line"], SharedLine)
+    assert isinstance(rig.buses["usb"], SerialPort)
+
+
+@pytest.mark.usefixtures("meters")
+def test_a_shared_line_with_other_devices_or_equal_addresses_is_refused(tmp_path):
+    text = BOARD + LINE + meter("a", 1) + meter("b", 1) + meter("c", 1, bus="usb")
+    text += '[devices.d]\nkind = "bota"\nbus = "line"\n'
+    assert problems(tmp_path, text) == [
+        "devices.b.bus: address 1 on 'line' is already used by device a",
+        "devices.c.bus: port 'usb' is already used by device board",
+        "devices.d.bus: port 'line' is already used by device a",
+    ]
+
+
+@pytest.mark.parametrize("port", ["0", "65536", '"http"'])
+def test_an_impossible_port_number_is_reported(tmp_path, port):
+    (found,) = {line.partition(":")[0] for line in problems(tmp_path, on_tcp(BOARD, "a", port))}
+    assert found == "buses.usb.tcp.port"
 
 
 @pytest.mark.parametrize("master", ["", 'drive = "axis"'])

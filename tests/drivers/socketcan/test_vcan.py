@@ -9,6 +9,9 @@ from pathlib import Path
 import can
 import pytest
 
+from drivers.rig import RigError
+from drivers.transports.can_bus import CanBus
+
 pytestmark = pytest.mark.socketcan
 
 FRAMES = {
@@ -66,6 +69,36 @@ def test_a_message_is_stamped_when_it_arrives_not_when_it_is_read(vcan0: str, bu
     received = bus.recv(timeout=10)
     assert received is not None
     assert before <= received.timestamp <= after
+
+
+def fd_bus(channel: str) -> CanBus:
+    return CanBus("drives", time.monotonic, "socketcan", channel, None, {}, fd=True)
+
+
+def test_fd_frames_go_both_ways(vcan0: str):
+    received: list[can.Message] = []
+    controller = fd_bus(vcan0)
+    controller.attach([0x123], lambda frame, now: received.append(frame))
+    controller.open()
+    with can.Bus(vcan0, interface="socketcan", fd=True) as device:
+        controller.send(0x123, bytes(64), fd=True, bitrate_switch=True)
+        sent = device.recv(timeout=10)
+        assert sent is not None
+        assert (len(sent.data), sent.is_fd, sent.bitrate_switch) == (64, True, True)
+        cansend(vcan0, "123##1" + 12 * "AB")
+        assert controller.wait_for(lambda: received, 10)
+        assert received[0].data == 12 * b"\xab"
+        assert received[0].is_fd
+    controller.close()
+
+
+def test_an_interface_without_fd_is_refused(vcan0: str):
+    subprocess.run(["ip", "link", "add", "vcan9", "mtu", "16", "up", "type", "vcan"], check=True)
+    try:
+        with pytest.raises(RigError, match=r"CAN bus vcan9 \(socketcan\) has no CAN FD"):
+            fd_bus("vcan9").open()
+    finally:
+        subprocess.run(["ip", "link", "delete", "vcan9"], check=True)
 
 
 def test_messages_arrive_in_order(vcan0: str, bus: can.BusABC):

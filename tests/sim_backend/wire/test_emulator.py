@@ -109,12 +109,12 @@ def test_a_drive_senses_the_force_of_its_own_motor(tmp_path):
 
 
 def test_the_hosts_file_has_the_pseudo_terminals_and_whole_paths(tmp_path):
-    rig = read_rig_file(RIGS / "dbc-sensor.toml")
+    emulated = emulator("dbc-sensor", tmp_path, Clock())
     path = tmp_path / "elsewhere" / "run.toml"
     path.parent.mkdir()
-    path.write_text(host_file(rig, tmp_path))
+    path.write_text(host_file(emulated))
     host = read_rig_file(path)
     ports = [
         bus.port if bus.kind == "serial" else bus.channel for bus in host.sections.buses.values()
     ]
-    assert ports == [str(tmp_path / name) for name in rig.sections.buses]
+    assert ports == [str(tmp_path / name) for name in emulated.wires]

@@ -14,7 +14,7 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar
@@ -52,17 +52,16 @@ class SteppedRig(WiredRig):
         self._clock = now
         self._temporary = tempfile.TemporaryDirectory(prefix="stepped-")
         folder = Path(self._temporary.name)
-        emulated = replace(settings, force_master=emulated_master(file))
         self.emulator = Emulator(
             file,
-            lambda now, enabled: make_simulated_rig(emulated, now, NEVER, coupled=False),
+            lambda now, enabled: make_simulated_rig(settings, now, NEVER, coupled=False),
             folder,
             faults,
             self.present,
         )
         prepare(self.emulator)
         host = folder / "host.toml"
-        host.write_text(rewrite(host_file(file, folder)))
+        host.write_text(rewrite(host_file(self.emulator)))
         super().__init__(read_rig_file(host), self.present)
         for bus in self.buses.values():
             bus.nap = self.nap
@@ -183,7 +182,8 @@ class RigInMemory(SteppedRig):
     def open(self) -> None:
         self.emulator.__enter__()
         for wire in self.emulator.wires.values():
-            wire.port.answer = self.emulator.step
+            if isinstance(port := getattr(wire, "port", None), Line):
+                port.answer = self.emulator.step
         WiredRig.open(self)
 
 
@@ -229,6 +229,7 @@ def stepped_trial(
         clock="virtual",
         rate=rate or file.sections.rate_hz,
         custom_limits=rig_limits(file.sections),
+        force_master=emulated_master(file),
         **settings,
     )
     return SteppedTrial(made, file, faults, prepare, rewrite, kind)
@@ -254,4 +255,7 @@ def in_memory(monkeypatch) -> Callable[..., SteppedTrial]:
         monkeypatch.setattr(f"sim_backend.wire.{module}.PseudoTerminal", Line)
     for module in ("serial_port", "slcan"):
         monkeypatch.setattr(f"drivers.transports.{module}.open_port", HostEnd)
+    # the kernel's time stamps are in real time
+    for module in ("datagram_port", "can_bus"):
+        monkeypatch.setattr(f"drivers.transports.{module}.LATEST", -1.0)
     return partial(stepped_trial, kind=RigInMemory)

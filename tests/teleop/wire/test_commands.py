@@ -99,7 +99,7 @@ def served(path, folder):
     settings = TrialSettings(condition="autonomous")
     emulator: Emulator = make_emulator(rig, settings, folder)
     out = folder / "run.toml"
-    out.write_text(host_file(rig, folder))
+    out.write_text(host_file(emulator))
     stop = threading.Event()
     with emulator:
         thread = threading.Thread(target=emulator.serve, args=(stop.is_set,))

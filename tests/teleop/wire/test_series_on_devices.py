@@ -175,7 +175,7 @@ def served(tmp_path, board):
     """An emulator in a thread of this process; its rig file is run.toml."""
     rig = read_rig_file(board)
     emulator = make_emulator(rig, TrialSettings(condition="autonomous"), tmp_path)
-    (tmp_path / "run.toml").write_text(host_file(rig, tmp_path))
+    (tmp_path / "run.toml").write_text(host_file(emulator))
     stop = threading.Event()
     with emulator:
         thread = threading.Thread(target=emulator.serve, args=(stop.is_set,))

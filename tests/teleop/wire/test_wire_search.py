@@ -28,7 +28,7 @@ TICKS = 450
 BOUND = 0.3
 """Longest time from a fault until all drives are disabled [s].
 
-It includes 84 ms until a fault is detected, the ramp, and the slowest watchdog of the three rigs,
+It includes 84 ms until a fault is detected, the ramp, and the slowest watchdog of the rigs,
 100 ms.
 """
 KEY = DetectedFault(Fault.EMERGENCY_STOP, "key", math.nan, math.nan, math.nan)
@@ -83,6 +83,7 @@ def odrive_of_firmware_05(text):
         ("odrive-bota", str),
         ("odrive-reaction-force", odrive_of_firmware_05),
         ("cia402-ft300", str),
+        ("ati-netft", str),
     ],
 )
 def test_no_sequence_of_wire_faults_and_requests_leaves_a_wired_rig_moving(in_memory, name, edit):
