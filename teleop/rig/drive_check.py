@@ -38,6 +38,8 @@ BAND = 0.25
 travel."""
 SLACK = 50e-6
 """Additional allowed difference, for backlash and for the lag of a small motion [m]."""
+COUPLED_SLACK = 0.5e-3
+"""The same for a part that is moved by the spring of a coupling, on which it oscillates [m]."""
 
 
 class DriveTravel:
@@ -47,7 +49,7 @@ class DriveTravel:
 
     A drive that is `coupled` accepts forces, and its axis follows the velocity through a spring.
     Friction, or a hand that holds the moving part, stretches the spring. A smaller travel is then
-    no error. A motor that pushes in the wrong direction moves it in the wrong direction.
+    no error. A motor that pushes in the wrong direction drives it away from the commanded travel.
     """
 
     def __init__(
@@ -99,7 +101,7 @@ class DriveTravel:
         The measured travel is compared with the commanded travel. A travel that is too large or in
         the opposite direction is always an error.
         """
-        slack = SLACK + self.explained
+        slack = (COUPLED_SLACK if self._coupled else SLACK) + self.explained
         band = BAND * abs(self.commanded) + slack
         shown = {f"{self._name}_position": self.moved}
         if settled:
@@ -109,7 +111,7 @@ class DriveTravel:
             behind = abs(self.commanded) - along
             too_small = settled and not self._coupled
             if behind < -band or (behind > band if too_small else along < -slack):
-                part = "sign" if along < 0.0 else "scale"
+                part = "sign" if along < 0.0 or self._coupled else "scale"
                 return (
                     f"commanded {self.commanded * 1e3:+.3f} mm, {channel} shows "
                     f"{moved * 1e3:+.3f} mm: expected a difference of at most {BAND:.0%} and "

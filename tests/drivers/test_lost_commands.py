@@ -85,13 +85,13 @@ def moteus() -> tuple[Device, type[EmulatedDevice]]:
     return Moteus("slave", section), EmulatedMoteus
 
 
-def board() -> tuple[Device, type[EmulatedDevice]]:
+def board(**scales: Any) -> tuple[Device, type[EmulatedDevice]]:
     section = BoardSettings(
         kind="board",
         bus="wire",
         position_um_per_count=[1.0],
-        velocity_um_per_s_per_count=[1.0],
         watchdog_ms=round(WATCHDOG * 1e3),
+        **(scales or {"velocity_um_per_s_per_count": [1.0]}),
     )
     return Board("slave", section), EmulatedBoard
 
@@ -119,6 +119,7 @@ KINDS: dict[str, Callable[[], tuple[Device, type[EmulatedDevice]]]] = {
     "cia402-csp": lambda: cia402("csp"),
     "cia402-cst": lambda: cia402("cst"),
     "board": board,
+    "board-force": lambda: board(axis_force_n_per_count=[1e-3]),
     "mit_motor-damiao": lambda: mit_motor("DM4310"),
     "mit_motor-cubemars": lambda: mit_motor(
         "AK80-9", p_max_rad=12.5, v_max_rad_per_s=50, t_max_nm=18
