@@ -183,7 +183,8 @@ class AtiNetFt(DatagramDevice):
         """Clear the error, and the latch of the monitor conditions of the sensor."""
         super().rearm()
         if self._port:
-            self._port.send(request(RESET_LATCH))
+            with contextlib.suppress(RigError):
+                self._port.send(request(RESET_LATCH))
 
     def stop(self) -> None:
         """Stop the stream of records."""

@@ -169,8 +169,8 @@ class InterfaceWire(CanWire):
 
     def send(self, frames: list[can.Message]) -> None:
         """Send CAN frames to the bus, and so to the host. Frames that cannot be sent are lost."""
-        assert self._bus
-        for frame in frames:
+        for frame in frames if self._bus else ():
+            assert self._bus
             with contextlib.suppress(can.CanError, OSError):
                 self._bus.send(frame)
 
@@ -182,7 +182,10 @@ class InterfaceWire(CanWire):
 
     def filenos(self) -> list[int]:
         """Return a list with the file descriptor of the bus; empty if the bus has none."""
-        number = self._bus.fileno() if self._bus else -1
+        number = -1
+        if self._bus:
+            with contextlib.suppress(NotImplementedError):
+                number = self._bus.fileno()
         return [number] if number >= 0 else []
 
     def host_entries(self) -> dict[str, str | int]:

@@ -98,8 +98,9 @@ class Emulator:
         settings = self.file.sections.buses[bus]
         path = folder / bus
         if isinstance(settings, UdpSettings):
-            (device,) = self._on(bus)
-            assert isinstance(device, EmulatedDatagramDevice)
+            device = next(iter(self._on(bus)), None)
+            if not isinstance(device, EmulatedDatagramDevice):
+                raise ValueError(f"buses.{bus}: no device uses it")
             return UdpWire(device)
         if not isinstance(settings, CanSettings):
             lined = [d for d in self._on(bus) if isinstance(d, EmulatedSerialDevice)]

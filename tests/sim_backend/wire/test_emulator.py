@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from drivers.rig_file import read_rig_file
+from drivers.rig_file import parse_rig_file, read_rig_file
 from sim_backend import CUBES, SimulatedRig
-from sim_backend.wire.emulator import Emulator, PlannedFault, host_file
+from sim_backend.wire.emulator import Emulator, PlannedFault, host_file, host_ports
 from sim_backend.wire.mechanism import NEVER, PUT_BACK
 from sim_backend.wire.wire_faults import Silent
 
@@ -106,6 +106,26 @@ def test_a_drive_senses_the_force_of_its_own_motor(tmp_path):
         mechanism.advance()
     assert mount.sense("force") == pytest.approx(mechanism.rig.plant.slave.force, rel=1e-3)
     assert mount.sense("position") == pytest.approx(mechanism.rig.plant.slave.x, abs=1e-6)
+
+
+def test_a_udp_bus_without_a_device_is_named(tmp_path):
+    path = RIGS / "ati-netft.toml"
+    extra = '\n[buses.spare]\nkind = "udp"\nhost = "192.168.1.3"\nport = 49152\n'
+    rig = parse_rig_file(path, path.read_text() + extra)
+    with pytest.raises(ValueError, match="buses.spare: no device uses it"):
+        Emulator(rig, make_rig, tmp_path)
+
+
+def test_the_hosts_file_of_network_devices_has_their_ports(tmp_path):
+    emulated = emulator("ati-netft", tmp_path, Clock())
+    path = tmp_path / "run.toml"
+    path.write_text(host_file(emulated))
+    host = read_rig_file(path)
+    for name in ("contact", "handle"):
+        bus = host.sections.buses[name]
+        assert (bus.host, bus.port) == tuple(emulated.wires[name].host_entries().values())
+        assert host.devices[name].http_port not in (80, bus.port)
+        assert host_ports(emulated)[name] == f"127.0.0.1:{bus.port}"
 
 
 def test_the_hosts_file_has_the_pseudo_terminals_and_whole_paths(tmp_path):

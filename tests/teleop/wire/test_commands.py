@@ -27,7 +27,7 @@ from ...busy_machine import REPEATS, busy_cause
 RIGS = Path(__file__).parents[3] / "rigs"
 BOARD = str(RIGS / "serial-board.toml")
 RUN = ("run", "--specimen", "soft", "--depth", "10mm", "--yes", "--rig")
-EXAMPLES = ["serial-board", "odrive-bota", "cia402-ft300"]
+EXAMPLES = ["serial-board", "odrive-bota", "cia402-ft300", "ati-netft"]
 
 pytestmark = pytest.mark.skipif(
     sys.platform == "win32", reason="there are no pseudo-terminals on this system"

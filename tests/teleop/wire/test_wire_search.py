@@ -76,6 +76,10 @@ def odrive_of_firmware_05(text):
     return text.replace('"0.6"', '"0.5"\ntorque_constant_nm_per_a = 0.04')
 
 
+def on_virtual_bus(text):
+    return text.replace('"socketcan"', '"virtual"').replace('"can0"', '"moteus-search"')
+
+
 @pytest.mark.parametrize(
     ("name", "edit"),
     [
@@ -84,6 +88,7 @@ def odrive_of_firmware_05(text):
         ("odrive-reaction-force", odrive_of_firmware_05),
         ("cia402-ft300", str),
         ("ati-netft", str),
+        ("moteus", on_virtual_bus),
     ],
 )
 def test_no_sequence_of_wire_faults_and_requests_leaves_a_wired_rig_moving(in_memory, name, edit):
