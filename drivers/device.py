@@ -233,6 +233,8 @@ class Device(ABC):
     """Class of the settings in the section of the device in a rig file."""
     estimated: ClassVar[bool] = False
     """Whether the signals are estimated from signals of other devices, and not measured."""
+    silent_without_commands: ClassVar[bool] = False
+    """Whether the device in operation sends samples only as long as it gets commands."""
 
     def __init__(self, name: str, settings: Any) -> None:
         self.name = name

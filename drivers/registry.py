@@ -24,6 +24,7 @@ BUILT_IN = {
     "bota": "drivers.devices.bota:Bota",
     "cia402": "drivers.devices.cia402:Cia402",
     "dbc": "drivers.devices.dbc:DbcDevice",
+    "dynamixel": "drivers.devices.dynamixel:Dynamixel",
     "ft300": "drivers.devices.ft300:Ft300",
     "mit_motor": "drivers.devices.mit_motor:MitMotor",
     "moteus": "drivers.devices.moteus:Moteus",
