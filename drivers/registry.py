@@ -14,10 +14,12 @@ from importlib import import_module
 from importlib.metadata import EntryPoint, EntryPoints, entry_points
 from typing import Any
 
-from drivers.device import Device
+from drivers.device import Device, DeviceSettings
 
 GROUP = "teleop.devices"
 """Group of the entry points with which other packages register device classes."""
+RIGS = "teleop.rigs"
+"""Group of the entry points with which other packages register classes of whole rigs."""
 BUILT_IN = {
     "ati_netft": "drivers.devices.ati_netft:AtiNetFt",
     "board": "drivers.devices.board:Board",
@@ -63,15 +65,21 @@ def loaded_class(group: str, kind: str, built_in: Mapping[str, str]) -> Any:
         return getattr(import_module(module), name)
     if not points:
         raise KeyError(kind)
+    point = points[0]
     try:
-        return points[0].load()
-    except (ImportError, KeyboardInterrupt):
+        return point.load()
+    except KeyboardInterrupt:
         raise
     except BaseException as error:
-        raise ValueError(
-            f"{kind!r}, a device of the package {package(points[0])}: {points[0].value} cannot be "
-            f"loaded: {type(error).__name__}: {' '.join(str(error).split())}"
-        ) from error
+        cause = f"{type(error).__name__}: {' '.join(str(error).split())}"
+        raise unusable(point, f"cannot be loaded: {cause}") from error
+
+
+def unusable(point: EntryPoint, problem: str) -> ValueError:
+    """Return (do not raise) an error about a class of another package."""
+    what = "rig" if point.group == RIGS else "device"
+    which = f"{point.name!r}, a {what} of the package {package(point)}"
+    return ValueError(f"{which}: {point.value} {problem}")
 
 
 def package(point: EntryPoint) -> str:
@@ -79,7 +87,23 @@ def package(point: EntryPoint) -> str:
     return f"{point.dist.name} {point.dist.version}" if point.dist else "unknown"
 
 
+def checked_class(group: str, kind: str, built_in: Mapping[str, str], base: type) -> Any:
+    """Return the class for a kind of device, which must be derived from `base`, without gaps."""
+    found = loaded_class(group, kind, built_in)
+    if kind in built_in:
+        return found
+    (point,) = offered(group, tuple(sys.path)).select(name=kind)
+    if not (isinstance(found, type) and issubclass(found, base)):
+        raise unusable(point, f"is no class derived from {base.__name__}")
+    if missing := sorted(getattr(found, "__abstractmethods__", ())):
+        raise unusable(point, f"has no method {', '.join(missing)}")
+    return found
+
+
 def device_class(kind: str) -> type[Device]:
     """Return the Python class for a kind of device."""
-    found: type[Device] = loaded_class(GROUP, kind, BUILT_IN)
+    found: type[Device] = checked_class(GROUP, kind, BUILT_IN, Device)
+    if kind not in BUILT_IN and not issubclass(getattr(found, "Settings", int), DeviceSettings):
+        (point,) = offered(GROUP, tuple(sys.path)).select(name=kind)
+        raise unusable(point, "has no class Settings derived from DeviceSettings")
     return found

@@ -137,15 +137,13 @@ def estimator_page():
 
 
 @pytest.fixture(scope="session")
-def third_party(driver_page, estimator_page, tmp_path_factory):
-    """A folder into which pip has installed the packages of both pages."""
+def third_party(estimator_page, tmp_path_factory):
+    """A folder into which pip has installed a new driver, and the package of a page."""
+    from teleop.rig.new_driver import write_driver
+
     folder = tmp_path_factory.mktemp("third-party")
+    write_driver("acme", "serial", "none", folder / "device")
     packages = {
-        "device": {
-            "acme.py": driver_page.block("class Acme(SerialDevice)"),
-            "acme_emulated.py": driver_page.block("class EmulatedAcme"),
-            "pyproject.toml": driver_page.toml[0],
-        },
         "estimator": {
             "acme_estimator.py": estimator_page.block("class Nlms"),
             "pyproject.toml": estimator_page.toml[0],
@@ -158,7 +156,7 @@ def third_party(driver_page, estimator_page, tmp_path_factory):
     options = "--no-index --no-build-isolation --no-deps --disable-pip-version-check --target"
     pip = [sys.executable, "-m", "pip", "install", "--quiet", *options.split(), folder / "site"]
     done = subprocess.run(
-        [*pip, *(folder / package for package in packages)],
+        [*pip, folder / "device", *(folder / package for package in packages)],
         capture_output=True,
         text=True,
         check=False,
@@ -210,9 +208,30 @@ def undemanding_rig():
     return copied
 
 
+SENSOR = """\
+[buses.tip]
+kind = "serial"
+port = "/dev/ttyUSB0"
+baud_bps = 921600
+
+[devices.tip]
+kind = "acme"
+bus = "tip"
+
+[channels.contact_force]
+device = "tip"
+signal = "force"
+sign = -1
+range_n = [-100, 100]
+max_age_ms = 20
+frozen_ms = 50
+"""
+"""Sections of a rig file for the sensor of another package."""
+
+
 @pytest.fixture(scope="session")
-def third_party_rig(driver_page, tmp_path_factory):
-    """The rig file of the serial board with the contact force of the page's sensor.
+def third_party_rig(tmp_path_factory):
+    """The rig file of the serial board with the contact force of another package's sensor.
 
     The rate is sufficient to measure a lag of 2.7 ms.
     """
@@ -220,6 +239,6 @@ def third_party_rig(driver_page, tmp_path_factory):
     head, _, rest = text.partition("[channels.contact_force]")
     _, _, rest = rest.partition("[channels.master_position]")
     path = tmp_path_factory.mktemp("rig") / "rig.toml"
-    text = f"{head}{driver_page.toml[1]}\n[channels.master_position]{rest}"
+    text = f"{head}{SENSOR}\n[channels.master_position]{rest}"
     path.write_text(undemanding(text, 250))
     return path

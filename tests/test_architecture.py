@@ -17,7 +17,7 @@ import estimation
 ROOT = Path(__file__).parents[1]
 ALLOWED = {
     "estimation": {"numpy", "scipy", "numba", "pandas", "matplotlib"},
-    "drivers": {"numpy", "serial", "can", "pydantic", "canopen", "cantools"},
+    "drivers": {"hypothesis", "numpy", "serial", "can", "pydantic", "canopen", "cantools"},
     "sim_backend": {"drivers", "numpy", "scipy", "pydantic", "can", "cantools", "tomlkit"},
     "teleop": {
         "estimation",

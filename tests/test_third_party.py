@@ -1,6 +1,6 @@
 """A device and an estimator, each in a package of its own, work in every command.
 
-The packages are those of docs/writing-a-driver.md and docs/writing-an-estimator.md.
+The packages are that of `teleop rig new-driver` and that of docs/writing-an-estimator.md.
 """
 
 from __future__ import annotations

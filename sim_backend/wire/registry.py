@@ -6,7 +6,7 @@ another installed package.
 
 from __future__ import annotations
 
-from drivers.registry import loaded_class
+from drivers.registry import checked_class
 from sim_backend.wire.emulated_device import EmulatedDevice
 
 GROUP = "teleop.emulators"
@@ -27,5 +27,5 @@ BUILT_IN = {
 
 def emulated_class(kind: str) -> type[EmulatedDevice]:
     """Return the class that emulates devices of a kind."""
-    found: type[EmulatedDevice] = loaded_class(GROUP, kind, BUILT_IN)
+    found: type[EmulatedDevice] = checked_class(GROUP, kind, BUILT_IN, EmulatedDevice)
     return found

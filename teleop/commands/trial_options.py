@@ -43,7 +43,8 @@ class TrialOptions:
     sine (mimic); or an excitation signal moves the slave, and nobody holds the handle (autonomous).
     Default: free."""
     rig: Path | None = None
-    """Rig file (TOML) that lists the devices of the rig. Default: the simulated rig."""
+    """Rig file (TOML) that lists the devices of the rig, or the name of a rig class of an installed
+    package. Default: the simulated rig."""
     cube: CubeName | None = None
     """Cube on the simulated rig. Not with a rig file. Default: soft."""
     specimen: str | None = None
@@ -100,15 +101,20 @@ class TrialOptions:
         from teleop.control.tare import read_tare
         from teleop.errors import InputError, as_input_error
         from teleop.settings.configuration import read_configuration
+        from teleop.settings.custom_class import stated_class
         from teleop.settings.rig_loading import load_rig_file
         from teleop.settings.trial_settings import TrialSettings
+        from teleop.trial.rig_classes import rig_class
 
         settings = read_configuration(self.config) if self.config else TrialSettings()
         given = {name: value for name, value in vars(self).items() if value is not None}
         if self.rig:
-            given["rig"] = load_rig_file(self.rig)
+            kind = rig_class(self.rig)
+            given["rig"] = None if kind else load_rig_file(self.rig)
             # a recorded rate is that of the recorded rig
             settings = replace(settings, custom_rig=None, rate=None)
+            if kind:
+                given["custom_rig"] = stated_class(kind)
         if self.condition:
             settings = replace(settings, custom_condition=None)
         if self.signal or self.frequency is not None:
@@ -130,7 +136,9 @@ class TrialOptions:
         for name in ("config", "frequency"):  # no settings
             given.pop(name, None)
         settings = replace(settings, **given, **others)
-        if self.cube and settings.rig:
+        if settings.custom_rig and self.rig and settings.clock != "real":
+            raise InputError(f"--clock virtual: the rig {self.rig} runs in real time")
+        if self.cube and not settings.is_simulated:
             raise InputError(
                 "--cube: belongs to the simulated rig: expected --specimen and --depth"
             )

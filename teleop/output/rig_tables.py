@@ -122,6 +122,26 @@ def print_ports(ports: Sequence[Port]) -> None:
     console.print(made)
 
 
+def print_kinds(kinds: Sequence[Row]) -> None:
+    """Print the kinds of devices of a rig file: one paragraph, or one line with its problem."""
+    console = plain_console()
+    for kind in kinds:
+        head = f"{kind['name']} ({kind['package']} {kind['version']})"
+        if kind["problem"]:
+            console.print(f"{head}: cannot be used: {kind['problem']}", soft_wrap=True)
+            continue
+        buses = " or ".join(kind["buses"])
+        emulated = "emulated" if kind["emulated"] else "not emulated"
+        console.print(f"{head}: {f'{buses} bus' if buses else 'no bus'}, {emulated}")
+        if kind["signals"] is None:
+            console.print("  signals and drives as in its section of the rig file")
+            continue
+        signals = [f"{name} [{unit}]" for name, unit in kind["signals"].items()]
+        console.print(f"  signals: {', '.join(signals)}")
+        for name, accepted in kind["drives"].items():
+            console.print(f"  drive {name}: accepts {accepted}")
+
+
 def print_emulation(
     name: str, ports: Mapping[str, str], out: Path, palpation: Mapping[str, Any]
 ) -> None:

@@ -41,6 +41,13 @@ class CustomClass:
         return f"{self.name} of {self.distribution or self.module} {self.version}".rstrip()
 
 
+def stated_class(kind: type) -> CustomClass:
+    """Return the statement about a class of the user before there is an object."""
+    distribution = distribution_of(kind.__module__)
+    installed = version(distribution) if distribution else ""
+    return CustomClass(kind.__qualname__, kind.__module__, distribution, installed)
+
+
 def described(custom: object) -> CustomClass:
     """Return the statement about an object of a class of the user."""
     kind = type(custom)

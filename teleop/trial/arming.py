@@ -13,22 +13,29 @@ from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.stop_switch import StopSwitch, is_foreground
 
 
-def check_stated(settings: TrialSettings) -> None:
-    """Check that the settings of a trial on a hardware rig contain a specimen and a depth."""
+def check_stated(settings: TrialSettings, is_hardware: bool = False) -> None:
+    """Check that the settings of a trial on a hardware rig contain a specimen and a depth.
+
+    `is_hardware`: whether the rig is a class of another package.
+    """
     missing = []
     if not settings.specimen:
         missing.append("a specimen (--specimen NAME, or specimen in the configuration)")
     if settings.depth is None:
         missing.append("a depth (--depth 3mm, or depth_m in the configuration)")
-    if settings.rig and missing:
+    if (settings.rig or is_hardware) and missing:
         raise InputError(f"rig {settings.rig_name!r}: expected also {' and '.join(missing)}")
 
 
-def check_person(rig: RigFile, action: str = "arm the drives") -> None:
-    """Check that a person can answer a question at the terminal of this process."""
+def check_person(rig: RigFile | str, action: str = "arm the drives") -> None:
+    """Check that a person can answer a question at the terminal of this process.
+
+    `rig`: the rig file, or the name of the rig.
+    """
     if not is_foreground():
+        name = rig if isinstance(rig, str) else rig.sections.name
         raise InputError(
-            f"rig {rig.sections.name!r}: standard input is not a terminal, so that nobody can "
+            f"rig {name!r}: standard input is not a terminal, so that nobody can "
             f"{action}: expected --yes, with which nobody is asked"
         )
 
@@ -60,10 +67,11 @@ def discard_typed_ahead() -> None:
             termios.tcflush(sys.stdin, termios.TCIFLUSH)
 
 
-def is_armed(rig: RigFile, text: str, yes: bool = False) -> bool:
+def is_armed(rig: RigFile | str, text: str, yes: bool = False) -> bool:
     """Ask the person at the terminal whether to arm the drives, and return the answer.
 
     The result is True if the person presses only Enter. This function does not arm the drives.
+    `rig`: the rig file, or the name of the rig.
     """
     if yes:
         return True
