@@ -9,9 +9,13 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable
+from dataclasses import replace
 
 from drivers.coupling import CouplingParameters, VirtualCoupling
 from drivers.device import Drive, ForceDrive, ImpedanceDrive, PositionDrive, Sample, VelocityDrive
+
+MOST_ROUNDING = 1e-4
+"""Largest difference of wanted and sent position that counts as rounding of the drive [m]."""
 
 
 class Axis(ABC):
@@ -75,27 +79,31 @@ class PositionAxis(Axis):
         self._longest_step = longest_step
         self._position = self._time = math.nan
         self._velocity = 0.0
+        self._operates = False
 
     def enable(self) -> bool:
-        """Start at the present position."""
-        if math.isnan(self._position):
+        """Start at the position at which the drive goes into operation."""
+        if not self._operates:
             self._position, self._velocity, self._time = self._reading(), 0.0, math.nan
             self.drive.command(self._position)
-        return self.drive.enable()
+        self._operates = self.drive.enable()
+        return self._operates
 
     def command(self, velocity: float, now: float) -> float:
         """Send the position that the last velocity has reached."""
-        if math.isnan(self._position):
+        if not self._operates:
             return 0.0
         dt = min(now - self._time, self._longest_step) if self._time == self._time else 0.0
         wanted = self._position + self._velocity * dt
-        self._position = self.drive.command(wanted)
+        sent = self.drive.command(wanted)
+        # The rounding of the drive must not accumulate, but a limit of the drive must hold.
+        self._position = min(max(wanted, sent - MOST_ROUNDING), sent + MOST_ROUNDING)
         self._time, self._velocity = now, self._sign * velocity
         return velocity
 
     def idle(self) -> bool:
         """Take the drive out of operation."""
-        self._position = math.nan
+        self._operates = False
         return self.drive.idle()
 
 
@@ -200,7 +208,9 @@ class DeviceCoupledAxis(CoupledAxis):
         if not self._operates:
             self.drive.command(self._reading(), 0.0, 0.0, 0.0)
             return
-        lead = sign * (coupling.proxy - coupling.position)
+        # The spring of the drive has no limit of its own.
+        most = p.max_force / p.stiffness
+        lead = sign * min(max(coupling.proxy - coupling.position, -most), most)
         self.drive.command(self._reading() + lead, sign * coupling.velocity, p.stiffness, p.damping)
 
 
@@ -238,6 +248,9 @@ def make_axis(
         return PositionAxis(drive, sign, reading, longest_step)
     if not coupling:
         raise ValueError(f"{type(drive).__name__}: expected a virtual coupling")
+    if isinstance(drive, ImpedanceDrive):
+        stiffness, damping = drive.rounded(coupling.stiffness, coupling.damping)
+        coupling = replace(coupling, stiffness=stiffness, damping=damping)
     virtual = VirtualCoupling(coupling, longest_step)
     if isinstance(drive, ImpedanceDrive):
         return DeviceCoupledAxis(drive, sign, virtual, rest_velocity, max_velocity, reading)

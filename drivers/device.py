@@ -53,6 +53,9 @@ class Drive(ABC):
     of the drive. The methods send messages to the device, but do not wait for its answer.
     """
 
+    reports_watchdog = True
+    """Whether the device reports in `Device.error` that its watchdog has stopped the drive."""
+
     @abstractmethod
     def enable(self) -> bool:
         """Request that the drive goes into operation, without motion and without force.
@@ -155,6 +158,25 @@ class ImpedanceDrive(Drive):
     signal = "position"
     """Name of the signal of the device that measures the position of the drive."""
 
+    def rounded(self, stiffness: float, damping: float) -> tuple[float, float]:
+        """Return the gains that the drive applies in place of the wanted ones.
+
+        The default method returns them unchanged.
+
+        Parameters
+        ----------
+        stiffness
+            Wanted stiffness [N/m].
+        damping
+            Wanted damping [N s/m].
+
+        Returns
+        -------
+        tuple
+            Nearest stiffness [N/m] and damping [N s/m] that the drive can apply.
+        """
+        return stiffness, damping
+
     @abstractmethod
     def command(
         self, position: float, velocity: float, stiffness: float, damping: float
@@ -211,6 +233,8 @@ class Device(ABC):
     """Class of the settings in the section of the device in a rig file."""
     estimated: ClassVar[bool] = False
     """Whether the signals are estimated from signals of other devices, and not measured."""
+    silent_without_commands: ClassVar[bool] = False
+    """Whether the device in operation sends samples only as long as it gets commands."""
 
     def __init__(self, name: str, settings: Any) -> None:
         self.name = name

@@ -15,6 +15,7 @@ from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
 
+from drivers.coupling import CouplingParameters
 from drivers.device import (
     CanDevice,
     DatagramDevice,
@@ -292,6 +293,8 @@ def drive_problem(drive: DriveSettings, devices: Mapping[str, Device]) -> str | 
     return None
 
 
+ROUNDING = 0.05
+"""Largest relative error with which a drive may apply a gain of a coupling."""
 FOR_FORCES = (
     "max_force_n",
     "stiffness_n_per_m",
@@ -330,6 +333,25 @@ def axis_problems(name: str, rig: RigFile, devices: Mapping[str, Device]) -> Ite
         coupling = coupling_of(settings, 1.0 / rig.sections.rate_hz)
         if coupling and (problem := coupling.problem(1.0 / rig.sections.rate_hz)):
             yield f".stiffness_n_per_m: {problem}"
+    elif isinstance(drive, ImpedanceDrive):
+        coupling = coupling_of(settings, 1.0 / rig.sections.rate_hz)
+        if coupling and (problem := rounding_problem(drive, coupling)):
+            yield problem
     signal = getattr(drive, "signal", None)
     if signal is not None and signal not in device.signals():
         yield f".device: expected a signal {signal} of the device {device.name}"
+
+
+def rounding_problem(drive: ImpedanceDrive, coupling: CouplingParameters) -> str:
+    """Return a text if the gains that a drive can apply are too coarse or small; else empty."""
+    stiffness, damping = drive.rounded(coupling.stiffness, coupling.damping)
+    for key, wanted, found, unit in (
+        ("stiffness_n_per_m", coupling.stiffness, stiffness, "N/m"),
+        ("damping_ns_per_m", coupling.damping, damping, "N s/m"),
+    ):
+        if abs(found - wanted) > ROUNDING * wanted:
+            return (
+                f": {key} of {wanted:.4g} {unit}: the motor would apply {found:.4g} {unit}: "
+                f"expected a value that it can apply with an error of at most {ROUNDING:.0%}"
+            )
+    return ""

@@ -13,6 +13,7 @@ from drivers.device import (
     DatagramDevice,
     DerivedDevice,
     Device,
+    Drive,
     Sample,
     SerialDevice,
     SharedSerialDevice,
@@ -146,6 +147,16 @@ class WiredRig(Rig):
             if CHANNELS[index] == "master_position":
                 return axis
         return None
+
+    @property
+    def drives(self) -> Mapping[str, Drive]:
+        """Drives of the rig by the name of their axis, `master` or `slave`."""
+        return {wired.name: wired.axis.drive for wired in self._drives}
+
+    @property
+    def coupled(self) -> frozenset[str]:
+        """Names of the axes whose drive accepts forces or closes a coupling."""
+        return frozenset(name for name, *_ in self._coupled)
 
     @property
     def rejected(self) -> Mapping[str, Mapping[str, int]]:

@@ -16,12 +16,12 @@ from typing import NamedTuple
 from drivers.framing import cobs
 from drivers.framing.crc import crc16_x25
 
-VERSION = 1
-"""Version of the protocol."""
+VERSION, FORCE_VERSION = 1, 2
+"""Versions of the protocol: of a board whose axes all accept velocities, and of another one."""
 FORCES = 2
 """Number of force inputs in the messages."""
 AXES = 2
-"""Number of axes with velocity control in the messages. The number of encoders is the same."""
+"""Number of axes in the messages. The number of encoders is the same."""
 ANALOGUES = 4
 """Number of analogue inputs in the messages."""
 
@@ -39,9 +39,10 @@ HEAD = struct.Struct("<BH")
 CHECKSUM = struct.Struct("<H")
 SETTINGS = struct.Struct("<HH")
 AXIS_MASK = struct.Struct("<B")
-VELOCITIES = struct.Struct(f"<{AXES}i")
+COMMANDS = struct.Struct(f"<{AXES}i")
 STAMP = struct.Struct("<IB")
 IDENTITY_FRAME = struct.Struct("<BHIB2BI4B")
+FORCE_IDENTITY_FRAME = struct.Struct("<BHIB2BI5B")
 CONFIGURED_FRAME = struct.Struct("<BHIHH")
 SAMPLE_FRAME = struct.Struct(f"<BHIBBBHH{FORCES + 2 * AXES + ANALOGUES}i")
 
@@ -73,7 +74,7 @@ class Input(IntEnum):
 class Identity(NamedTuple):
     """Message with the properties of the board. It is the answer to a HELLO message.
 
-    If the board uses another version of the protocol, only the fields `sequence`, `time` and
+    If the board uses an unknown version of the protocol, only the fields `sequence`, `time` and
     `version` are read from the message. The other fields then have their default values.
     """
 
@@ -89,6 +90,8 @@ class Identity(NamedTuple):
     encoders: int = 0
     axes: int = 0
     analogues: int = 0
+    force_axes: int = 0
+    """Bit mask of the axes that accept forces."""
 
 
 class Configured(NamedTuple):
@@ -145,12 +148,12 @@ def enable(axis: int) -> bytes:
     return AXIS_MASK.pack(1 << axis)
 
 
-def command(*velocities: int) -> bytes:
-    """Return the payload of a COMMAND message, which sets the velocities of the axes.
+def command(*values: int) -> bytes:
+    """Return the payload of a COMMAND message, which sets the velocities or forces of the axes.
 
-    Each argument is the target velocity of one axis, in counts of this axis (`to_counts`).
+    Each argument is the velocity or force of one axis, in counts of this axis (`to_counts`).
     """
-    return VELOCITIES.pack(*velocities)
+    return COMMANDS.pack(*values)
 
 
 def to_counts(value: float, scale: float) -> int:
@@ -177,14 +180,12 @@ def decode(body: bytes) -> Message | None:
     if kind == IDENTITY and length >= HEAD.size + STAMP.size:
         sequence = HEAD.unpack_from(body)[1]
         time, version = STAMP.unpack_from(body, HEAD.size)
-        if version != VERSION:
+        if version not in (VERSION, FORCE_VERSION):
             return Identity(sequence, time, version)
-        if length == IDENTITY_FRAME.size:
-            *_, major, minor, boot, forces, encoders, axes, analogues = IDENTITY_FRAME.unpack(body)
-            firmware = (major, minor)
-            return Identity(
-                sequence, time, version, firmware, boot, forces, encoders, axes, analogues
-            )
+        layout = IDENTITY_FRAME if version == VERSION else FORCE_IDENTITY_FRAME
+        if length == layout.size:
+            major, minor, boot, *numbers = layout.unpack(body)[4:]
+            return Identity(sequence, time, version, (major, minor), boot, *numbers)
     return None
 
 

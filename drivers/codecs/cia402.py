@@ -3,7 +3,7 @@
 CiA 301 defines the services NMT, SYNC, EMCY and heartbeat. CiA 402-2 defines the state machine, and
 the objects that the following process data objects (PDO) contain:
 
-- RPDO1: controlword 6040h, target velocity 60FFh
+- RPDO1: controlword 6040h, and target velocity 60FFh, target position 607Ah or target torque 6071h
 - TPDO1: statusword 6041h, position actual value 6064h
 - TPDO2: velocity actual value 606Ch, torque actual value 6077h
 """
@@ -14,7 +14,7 @@ import math
 import struct
 from dataclasses import dataclass
 from enum import Enum, IntEnum
-from typing import Literal
+from typing import Literal, NamedTuple
 
 NMT, SYNC, EMCY, TPDO1, RPDO1, TPDO2, SDO_ANSWER, HEARTBEAT = (
     *(0x000, 0x080, 0x080, 0x180, 0x200, 0x280, 0x580, 0x700),
@@ -25,7 +25,9 @@ The node id of the drive is added to each identifier except NMT and SYNC.
 """
 
 COMMAND = struct.Struct("<Hi")
-"""Layout of RPDO1."""
+"""Layout of RPDO1 with a target velocity or position."""
+TORQUE_COMMAND = struct.Struct("<Hh")
+"""Layout of RPDO1 with a target torque."""
 STATUS = struct.Struct("<Hi")
 """Layout of TPDO1."""
 MOTION = struct.Struct("<ih")
@@ -33,6 +35,28 @@ MOTION = struct.Struct("<ih")
 EMERGENCY = struct.Struct("<HB5s")
 """Layout of EMCY, CiA 301 7.2.7: error code, error register 1001h, manufacturer's data."""
 INT32 = (1 << 31) - 1
+VelocityUnit = Literal["counts_per_s", "rpm", "milli_rpm"]
+Mode = Literal["csv", "csp", "cst"]
+"""Cyclic synchronous velocity, position or torque mode."""
+
+
+class ModeObjects(NamedTuple):
+    """Numbers of a mode of operation in the objects of a drive."""
+
+    number: int
+    """Value of the objects 6060h and 6061h. Bit `number` - 1 of 6502h states the support."""
+    target: int
+    """Index of the object with the target value."""
+    name: str
+    """Quantity of the target value."""
+
+
+MODES: dict[Mode, ModeObjects] = {
+    "csp": ModeObjects(8, 0x607A, "position"),
+    "csv": ModeObjects(9, 0x60FF, "velocity"),
+    "cst": ModeObjects(10, 0x6071, "torque"),
+}
+"""Modes of operation, CiA 402-2 tables 78 and 79."""
 
 
 class NmtCommand(IntEnum):
@@ -128,7 +152,7 @@ class Units:
         Displacement of the axis per turn of the motor [m].
     velocity
         Unit of the objects 60FFh (target velocity) and 606Ch (velocity actual value): position
-        increments per second, or turns of the motor per minute.
+        increments per second, turns of the motor per minute, or thousandths of the latter.
     rated_torque
         Rated torque, object 6076h [N m]; NaN if unknown. The object 6077h (torque actual value)
         is in thousandths of the rated torque.
@@ -136,7 +160,7 @@ class Units:
 
     counts_per_turn: float
     travel_per_turn: float
-    velocity: Literal["counts_per_s", "rpm"]
+    velocity: VelocityUnit
     rated_torque: float = math.nan
 
     @property
@@ -151,6 +175,8 @@ class Units:
         The velocity unit is that of the objects 60FFh (target velocity) and 606Ch (velocity actual
         value).
         """
+        if self.velocity == "milli_rpm":
+            return self.travel_per_turn / 60e3
         return self.metres if self.velocity == "counts_per_s" else self.travel_per_turn / 60.0
 
     @property
@@ -165,6 +191,17 @@ class Units:
     def target(self, velocity: float) -> int:
         """Return the integer value of object 60FFh (target velocity) for a velocity [m/s]."""
         return round(max(-INT32, min(INT32, velocity / self.metres_per_second)))
+
+    def target_position(self, position: float) -> int:
+        """Return the integer value of object 607Ah (target position) for a position [m]."""
+        return round(max(-INT32, min(INT32, position / self.metres)))
+
+    def target_torque(self, force: float, most: int) -> int:
+        """Return the integer value of object 6071h (target torque) for a force [N].
+
+        Its magnitude is at most `most`. The unit is a thousandth of the rated torque.
+        """
+        return round(max(-most, min(most, force / self.newtons)))
 
     def position(self, data: bytes) -> float:
         """Return the position [m] in the data of TPDO1.
@@ -193,7 +230,7 @@ class Units:
         return velocity * self.metres_per_second, torque * self.newtons
 
 
-def command(control: Control, target: int) -> bytes:
+def command(control: Control, target: int, mode: Mode = "csv") -> bytes:
     """Return the data of RPDO1, the message with which the controller commands a drive.
 
     Parameters
@@ -201,9 +238,11 @@ def command(control: Control, target: int) -> bytes:
     control
         The controlword.
     target
-        Target velocity as the value of object 60FFh, see `Units.target`.
+        Target as the value of the object of the mode, see `Units.target`.
+    mode
+        Mode of operation.
     """
-    return COMMAND.pack(control, target)
+    return (TORQUE_COMMAND if mode == "cst" else COMMAND).pack(control, target)
 
 
 def statusword(data: bytes) -> int:

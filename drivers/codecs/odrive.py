@@ -1,6 +1,6 @@
 """Encode and decode CAN frames of the protocol ODrive CANSimple, firmware 0.5 and 0.6.
 
-Only the frames for velocity control are supported. The 11-bit identifier of a frame is
+Only the frames for velocity and torque control are supported. The 11-bit identifier of a frame is
 node << 5 | command. Data are little-endian, and floats are 32-bit floats of IEEE 754. Turns [rev]
 are turns of the motor. The frames are described in "CAN Protocol" in the ODrive documentation of
 both firmware versions, and in the vendor's files odrive-cansimple-0.5.6.dbc and
@@ -32,6 +32,7 @@ class Command(IntEnum):
     GET_ENCODER_ESTIMATES = 0x09
     SET_CONTROLLER_MODE = 0x0B
     SET_INPUT_VEL = 0x0D
+    SET_INPUT_TORQUE = 0x0E
     SET_LIMITS = 0x0F
     GET_IQ = 0x14
     CLEAR_ERRORS = 0x18
@@ -60,8 +61,8 @@ class AxisState(IntEnum):
 
 
 STATES = {state.value: state.name for state in AxisState}
-VELOCITY_CONTROL = 2
-"""Number of the control mode for velocity control."""
+TORQUE_CONTROL, VELOCITY_CONTROL = 1, 2
+"""Numbers of the control modes for torque control and velocity control."""
 PASSTHROUGH = 1
 """Number of the input mode in which the commanded velocity is used without a filter or ramp."""
 
@@ -164,6 +165,11 @@ def set_axis_state(state: AxisState) -> bytes:
 def set_controller_mode(control: int, inputs: int) -> bytes:
     """Return the data of the message Set_Controller_Mode."""
     return TWO_INTEGERS.pack(control, inputs)
+
+
+def set_input_torque(torque: float) -> bytes:
+    """Return the data of the message Set_Input_Torque, which sets the target torque [N m]."""
+    return struct.pack("<f", torque).ljust(LENGTH, b"\0")
 
 
 def set_input_vel(velocity: float) -> bytes:

@@ -1,5 +1,7 @@
 """Driver of a microcontroller board with force and analogue inputs, encoders and two motor axes.
 
+An axis accepts a velocity or a force.
+
 The protocol is described in docs/serial-protocol.md. The code for the board is in drivers/firmware.
 """
 
@@ -10,7 +12,7 @@ from collections.abc import Callable
 
 from drivers.codecs import board as codec
 from drivers.codecs.board import BoardState, Configured, Identity, Input, MessageReader
-from drivers.device import Sample, SerialDevice, VelocityDrive
+from drivers.device import Drive, ForceDrive, Sample, SerialDevice, VelocityDrive
 from drivers.device_clock import DeviceClock
 from drivers.devices.board_settings import QUANTITIES, BoardSettings, gains
 from drivers.rig import RigError
@@ -27,12 +29,12 @@ STOPPED: dict[int, str] = {
 }
 
 
-class Axis(VelocityDrive):
-    """An axis of the board with velocity control. `idle` stops all axes of the board."""
+class BoardAxis(Drive):
+    """An axis of the board. `idle` stops all axes of the board."""
 
     def __init__(self, board: Board, index: int, scale: float) -> None:
-        self.velocity = 0
-        """Velocity that the next `Board.transmit` sends [counts]."""
+        self.counts = 0
+        """Velocity or force that the next `Board.transmit` sends [counts]."""
         self._board = board
         self._index = index
         self._scale = scale
@@ -41,14 +43,29 @@ class Axis(VelocityDrive):
         """Request operation of this axis; return whether the board reports that it is enabled."""
         return self._board.enable_axis(self._index)
 
-    def command(self, velocity: float) -> float:
-        """Store the velocity [m/s] for `transmit`; return it rounded to the board's resolution."""
-        self.velocity = codec.to_counts(velocity, self._scale)
-        return self.velocity * self._scale
-
     def idle(self) -> bool:
         """Stop all axes of the board immediately; return whether the board has confirmed it."""
         return self._board.disable()
+
+    def _store(self, value: float) -> float:
+        self.counts = codec.to_counts(value, self._scale)
+        return self.counts * self._scale
+
+
+class Axis(BoardAxis, VelocityDrive):
+    """An axis of the board that accepts velocities."""
+
+    def command(self, velocity: float) -> float:
+        """Store the velocity [m/s] for `transmit`; return it rounded to the board's resolution."""
+        return self._store(velocity)
+
+
+class ForceAxis(BoardAxis, ForceDrive):
+    """An axis of the board that accepts forces."""
+
+    def command(self, force: float) -> float:
+        """Store the force [N] for `transmit`; return it rounded to the board's resolution."""
+        return self._store(force)
 
 
 class Board(SerialDevice):
@@ -68,8 +85,10 @@ class Board(SerialDevice):
     def __init__(self, name: str, settings: BoardSettings) -> None:
         super().__init__(name, settings)
         self.axes = [
-            Axis(self, i, scale * 1e-6)
-            for i, scale in enumerate(settings.velocity_um_per_s_per_count)
+            ForceAxis(self, i, force)
+            if (force := settings.force_scale(i))
+            else Axis(self, i, settings.velocity_um_per_s_per_count[i] * 1e-6)
+            for i in range(settings.axes)
         ]
         self.drives = {f"axis_{i}": axis for i, axis in enumerate(self.axes)}
         self.identity: Identity | None = None
@@ -141,18 +160,32 @@ class Board(SerialDevice):
         return False
 
     def _check_identity(self, where: str) -> None:
-        """Raise RigError if the protocol version is wrong, or if inputs or axes are missing."""
+        """Raise RigError if the version is wrong, if inputs are missing, or if an axis differs."""
         board, s = self.identity, self.settings
         assert board
-        if board.version != codec.VERSION:
+        if board.version not in (codec.VERSION, codec.FORCE_VERSION):
             raise RigError(
-                f"{where}: protocol version {board.version}, expected {codec.VERSION}: see "
-                "docs/serial-protocol.md"
+                f"{where}: protocol version {board.version}, expected {codec.VERSION} or "
+                f"{codec.FORCE_VERSION}: see docs/serial-protocol.md"
             )
         numbers = (board.forces, board.encoders, board.axes, board.analogues)
         for (*_, key, _), has in zip(QUANTITIES, numbers, strict=True):
             if (wanted := len(getattr(s, key))) > has:
                 raise RigError(f"{where}: {key} has {wanted} entries, expected at most {has}")
+        for i in range(s.axes):
+            by_force = bool(board.force_axes >> i & 1)
+            if i >= board.axes:
+                raise RigError(
+                    f"{where}: axis_force_n_per_count has {s.axes} entries, expected at most "
+                    f"{board.axes}"
+                )
+            if by_force != bool(s.force_scale(i)):
+                accepts = "forces" if by_force else "velocities"
+                expected = "a scale" if by_force else "0 or no scale"
+                raise RigError(
+                    f"{where}: axis_{i} accepts {accepts}: expected {expected} for it in "
+                    "axis_force_n_per_count"
+                )
 
     def _instead(self) -> str:
         """Return a text for an error message: what was received instead of the board's answer."""
@@ -290,17 +323,17 @@ class Board(SerialDevice):
         if self._wanted:
             self._wanted, self._released = False, self._sequence
         for axis in self.axes:
-            axis.velocity = 0
+            axis.counts = 0
         if not self._port:
             return True
         self._send(codec.DISABLE)
         return self._disabled
 
     def transmit(self) -> None:
-        """If operation is requested, send the velocities. This resets the board's watchdog."""
+        """If operation is requested, send the commands. This resets the board's watchdog."""
         if self._wanted:
             rest = [0] * (codec.AXES - len(self.axes))
-            self._send(codec.COMMAND, codec.command(*(axis.velocity for axis in self.axes), *rest))
+            self._send(codec.COMMAND, codec.command(*(axis.counts for axis in self.axes), *rest))
 
     def stop(self) -> None:
         """Send the message HELLO, so that the board stops sending samples."""

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
-from pydantic import Field, FiniteFloat
+from pydantic import Field, FiniteFloat, model_validator
 
 from drivers.codecs import board as codec
 from drivers.device import DeviceSettings
 
 Scale = Annotated[FiniteFloat, Field(gt=0)]
+ScaleOrNone = Annotated[FiniteFloat, Field(ge=0)]
 
 QUANTITIES = (
     ("force", "N", 1.0, "force_n_per_count", codec.FORCES),
@@ -43,7 +44,29 @@ class BoardSettings(DeviceSettings):
     position_um_per_count: Annotated[tuple[Scale, ...], Field(max_length=codec.AXES)] = ()
     velocity_um_per_s_per_count: Annotated[tuple[Scale, ...], Field(max_length=codec.AXES)] = ()
     """Scales of the velocity commands and of the measured velocities."""
+    axis_force_n_per_count: Annotated[tuple[ScaleOrNone, ...], Field(max_length=codec.AXES)] = ()
+    """Scales of the force commands. The scale 0 stands for an axis that accepts velocities."""
     analogue_mv_per_count: Annotated[tuple[Scale, ...], Field(max_length=codec.ANALOGUES)] = ()
+
+    @property
+    def axes(self) -> int:
+        """Number of axes in use."""
+        return max(len(self.velocity_um_per_s_per_count), len(self.axis_force_n_per_count))
+
+    def force_scale(self, axis: int) -> float:
+        """Return the scale of the force command of an axis; 0 if it accepts velocities."""
+        scales = self.axis_force_n_per_count
+        return scales[axis] if axis < len(scales) else 0.0
+
+    @model_validator(mode="after")
+    def _each_axis_has_a_scale(self) -> Self:
+        for i in range(len(self.velocity_um_per_s_per_count), self.axes):
+            if not self.force_scale(i):
+                raise ValueError(
+                    f"axis_{i} has no scale: expected one in velocity_um_per_s_per_count, or in "
+                    "axis_force_n_per_count if it accepts forces"
+                )
+        return self
 
 
 def gains(settings: BoardSettings) -> Iterator[tuple[int, str, float]]:

@@ -1,4 +1,4 @@
-"""Driver of a CANopen drive with the profile CiA 402, in the cyclic synchronous velocity mode."""
+"""Driver of a CANopen drive with the profile CiA 402, in a cyclic synchronous mode."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from drivers.codecs.cia402 import (
     NMT,
     RPDO1,
     SDO_ANSWER,
+    STATUS,
     TOWARDS_OPERATION,
     TPDO1,
     TPDO2,
@@ -30,7 +31,15 @@ from drivers.codecs.cia402 import (
     state_of,
     statusword,
 )
-from drivers.device import NO_SAMPLE, CanDevice, Sample, VelocityDrive
+from drivers.device import (
+    NO_SAMPLE,
+    CanDevice,
+    Drive,
+    ForceDrive,
+    PositionDrive,
+    Sample,
+    VelocityDrive,
+)
 from drivers.devices.cia402_master import CanopenMaster, master_of
 from drivers.devices.cia402_settings import Cia402Settings
 from drivers.rig import RigError
@@ -50,6 +59,44 @@ CONFIRMING = 2
 """Number of statuswords that confirm a stop. One can have been sent before the drive's reaction."""
 
 
+class TorqueMode(ForceDrive):
+    """The drive in the cyclic synchronous torque mode."""
+
+    def __init__(self, device: Cia402) -> None:
+        self._device = device
+
+    def enable(self) -> bool:
+        """Request operation without force; return whether the drive is in operation."""
+        return self._device.enable()
+
+    def command(self, force: float) -> float:
+        """Store the force [N]; return it rounded to a thousandth of the rated force [N]."""
+        return self._device.command_force(force)
+
+    def idle(self) -> bool:
+        """Switch the torque off; return whether the drive has confirmed it."""
+        return self._device.idle()
+
+
+class PositionMode(PositionDrive):
+    """The drive in the cyclic synchronous position mode."""
+
+    def __init__(self, device: Cia402) -> None:
+        self._device = device
+
+    def enable(self) -> bool:
+        """Request operation at the present position; return whether the drive is in operation."""
+        return self._device.enable()
+
+    def command(self, position: float) -> float:
+        """Store the position [m]; return it rounded to the resolution of the drive [m]."""
+        return self._device.command_position(position)
+
+    def idle(self) -> bool:
+        """Stop the drive on its quick stop ramp; return whether the drive has confirmed it."""
+        return self._device.idle()
+
+
 class Cia402(CanDevice, VelocityDrive):
     """A CiA 402 drive with one axis on a CANopen bus (CiA 301 version 4.2, CiA 402-2 version 3.0).
 
@@ -58,6 +105,9 @@ class Cia402(CanDevice, VelocityDrive):
     commands are missing for `watchdog_ms`, the drive stops on its quick stop ramp (object 6007h).
     If the drive reports an error, or leaves operation without a request, `error` describes the
     error. The drive then remains out of operation until it is enabled again.
+
+    The setting `mode` chooses what the drive accepts. With `csv`, the drive `axis` is the device
+    itself. With `cst`, the torque of the motor is switched off instead of a quick stop.
     """
 
     Settings = Cia402Settings
@@ -65,7 +115,16 @@ class Cia402(CanDevice, VelocityDrive):
 
     def __init__(self, name: str, settings: Cia402Settings) -> None:
         super().__init__(name, settings)
-        self.drives = {"axis": self}
+        drives: dict[str, Drive] = {
+            "csv": self,
+            "csp": PositionMode(self),
+            "cst": TorqueMode(self),
+        }
+        self.drives = {"axis": drives[settings.mode]}
+        self._halt = Control.DISABLE_VOLTAGE if settings.mode == "cst" else Control.QUICK_STOP
+        self._most_torque = 0
+        self._position = 0
+        """Latest position of the drive [counts]."""
         self._units = self._units_with(math.nan)
         self._watchdog = settings.watchdog_ms * 1e-3
         node = settings.node_id
@@ -84,7 +143,7 @@ class Cia402(CanDevice, VelocityDrive):
         self._nmt: NmtState | None = None
         self._state: DriveState | None = None
         self._armed = self._enabled = self._answered = self._booted = False
-        self._control, self._target = Control.QUICK_STOP, 0
+        self._control, self._target = self._halt, 0
         self._resetting_until = math.inf
         self._stopped = 0
         """Number of statuswords without operation since the latest stop, or since operation."""
@@ -112,7 +171,7 @@ class Cia402(CanDevice, VelocityDrive):
         where = f"{self.name}: node {node} on {bus.name}"
         self._bus, self._running, self._lost, self._nmt = bus, False, "", None
         self._armed = self._enabled = self._booted = False
-        self._control = Control.QUICK_STOP
+        self._control = self._halt
         bus.send(NMT, nmt(NmtCommand.RESET_COMMUNICATION, node))
         if not bus.wait_for(lambda: self._booted, BOOTING):
             raise RigError(
@@ -121,7 +180,8 @@ class Cia402(CanDevice, VelocityDrive):
             )
         self._setup = DriveSetup(where, bus, self.settings)
         try:
-            self._units = self._units_with(self._setup.run())
+            rated, self._most_torque = self._setup.run()
+            self._units = self._units_with(rated)
         finally:
             self._setup = None
         bus.send(NMT, nmt(NmtCommand.START, node))
@@ -156,6 +216,7 @@ class Cia402(CanDevice, VelocityDrive):
 
     def _process_status(self, data: bytes, time: float) -> None:
         position, word = self._units.position(data), statusword(data)
+        self._position = STATUS.unpack(data)[1]
         self.samples["position"] = Sample(position, self._sampled(time))
         self._answered = True
         state = state_of(word)
@@ -209,7 +270,7 @@ class Cia402(CanDevice, VelocityDrive):
         if self._running:
             self.error = self.error or error
             self._enabled = False
-            self._control = Control.QUICK_STOP
+            self._control = self._halt
 
     def update(self, now: float) -> None:
         """Check the drive's heartbeat. If the last SYNC is over 8 ms old, send another SYNC."""
@@ -253,7 +314,7 @@ class Cia402(CanDevice, VelocityDrive):
             self._target = 0
             self._resetting_until = self._bus.now() + RESETTING
         if not self.error and not self._enabled:
-            self._control = TOWARDS_OPERATION.get(self._state, Control.QUICK_STOP)
+            self._control = TOWARDS_OPERATION.get(self._state, self._halt)
             self._enabled = self._state is DriveState.OPERATION_ENABLED
         return self._enabled
 
@@ -261,6 +322,18 @@ class Cia402(CanDevice, VelocityDrive):
         """Store the velocity [m/s]; return it rounded to the resolution of the drive [m/s]."""
         self._target = self._units.target(velocity)
         return self._target * self._units.metres_per_second
+
+    def command_position(self, position: float) -> float:
+        """Store the position [m]; return it rounded to the resolution of the drive [m]."""
+        self._target = self._units.target_position(position)
+        return self._target * self._units.metres
+
+    def command_force(self, force: float) -> float:
+        """Store the force [N]; return it rounded and limited to the torque of the drive [N]."""
+        if math.isnan(self._units.newtons):
+            return 0.0
+        self._target = self._units.target_torque(force, self._most_torque)
+        return self._target * self._units.newtons
 
     def transmit(self) -> None:
         """Send the command, if this drive or another drive on the bus has been enabled before.
@@ -276,12 +349,13 @@ class Cia402(CanDevice, VelocityDrive):
         """Stop the drive on its quick stop ramp; return whether the drive has confirmed it.
 
         At standstill, the drive leaves operation. During the ramp, the drive does not follow
-        velocities, and counts as out of operation. Each call sends the request.
+        commands, and counts as out of operation. In the mode `cst`, the torque is switched off
+        instead. Each call sends the request.
         """
         if self._armed:
             self._stopped = 0
         self._armed = self._enabled = False
-        self._control, self._target = Control.QUICK_STOP, 0
+        self._control, self._target = self._halt, 0
         self._resetting_until = math.inf
         if not (self._bus and self._running):
             return True
@@ -291,8 +365,10 @@ class Cia402(CanDevice, VelocityDrive):
 
     def _send(self) -> None:
         assert self._bus
-        target = self._target if self._enabled else 0
-        self._bus.send(RPDO1 + self.settings.node_id, command(self._control, target))
+        mode = self.settings.mode
+        rest = self._position if mode == "csp" else 0
+        target = self._target if self._enabled else rest
+        self._bus.send(RPDO1 + self.settings.node_id, command(self._control, target, mode))
 
     def stop(self) -> None:
         """Reset the CANopen communication of the drive.

@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, FiniteFloat
 
+from drivers.codecs.cia402 import Mode, VelocityUnit
 from drivers.device import DeviceSettings
 
 Positive = Annotated[FiniteFloat, Field(gt=0)]
@@ -22,8 +23,12 @@ class Cia402Settings(DeviceSettings):
     """Position increments per turn of the motor, as in the object 6064h (actual position)."""
     travel_mm_per_turn: Positive
     """Displacement of the axis per turn of the motor [mm]."""
-    velocity_unit: Literal["counts_per_s", "rpm"] = "counts_per_s"
+    mode: Mode = "csv"
+    """What the drive accepts: velocities (csv), positions (csp) or torques (cst)."""
+    velocity_unit: VelocityUnit = "counts_per_s"
     """Unit of the objects 60FFh (target velocity) and 606Ch (velocity actual value)."""
+    rated_torque_unit: Literal["milli_nm", "micro_nm"] = "milli_nm"
+    """Unit of the object 6076h (rated torque). Drives of maxon have uN m, others mN m."""
     watchdog_ms: Annotated[int, Field(ge=40, le=1000)] = 100
     """If there is no communication for this time [ms], the drive stops and an error is reported."""
     vendor_id: Annotated[int, Field(ge=0, le=0xFFFFFFFF)] | None = None

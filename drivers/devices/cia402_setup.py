@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import can
 from canopen import Network, ObjectDictionary, RemoteNode
@@ -22,7 +22,7 @@ from canopen.objectdictionary import (
 from canopen.sdo.client import SdoClient
 from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError
 
-from drivers.codecs.cia402 import RPDO1, TPDO1, TPDO2, Control
+from drivers.codecs.cia402 import MODES, RPDO1, TPDO1, TPDO2, Control
 from drivers.devices.cia402_master import NODE
 from drivers.devices.cia402_settings import Cia402Settings
 from drivers.rig import RigError, reason
@@ -32,26 +32,29 @@ logging.getLogger("canopen").addHandler(logging.NullHandler())
 
 PROFILE = 402
 """Low word of object 1000h for a drive with the profile CiA 402."""
-CYCLIC_SYNCHRONOUS_VELOCITY = 9
-"""Value of objects 6060h and 6061h for the cyclic synchronous velocity mode."""
-SUPPORTS_IT = 1 << 8
-"""Bit of object 6502h. It is set if the drive supports the cyclic synchronous velocity mode."""
-QUICK_STOP_IF_MASTER_LOST = 3
-"""Value of object 6007h for a quick stop if the communication with the controller is lost."""
+QUICK_STOP_IF_MASTER_LOST, DISABLE_IF_MASTER_LOST = 3, 2
+"""Values of object 6007h for a quick stop, and for no torque, if the communication with the
+controller is lost. In the torque mode, a drive cannot be expected to follow a quick stop ramp."""
+MOST_TORQUE = 2000
+"""Largest target torque of a drive without object 6072h, in thousandths of the rated torque. An
+EPOS4 refuses a larger one."""
 RAMP_THEN_DISABLE = 2
 """Value of object 605Ah: decelerate on the quick stop ramp, then enter `switch on disabled`."""
 KEEP_NMT_STATE = 1
 """Value of object 1029h: after a communication error, keep the NMT state and continue to send."""
 EVERY_SYNC = 1
 """Transmission type of a PDO that is sent or applied at every SYNC."""
-VELOCITY_UNITS = {"counts_per_s": 0x00B50300, "rpm": 0x00B44700}
+VELOCITY_UNITS = {"counts_per_s": 0x00B50300, "rpm": 0x00B44700, "milli_rpm": 0xFDB44700}
 """Value of object 60A9h for each value of `velocity_unit`, CiA 402-2 and CiA 303-2."""
-UNSUPPORTED = {0x000000FB: "maxon (EPOS)"}
-"""Vendor ids (object 1018h:01) of drives that this driver would read or set up wrongly.
+MAXON = 0x000000FB
+"""Vendor id (object 1018h:01) of maxon.
 
 The rated torque (object 6076h) of an EPOS4 is in millionths of a newton metre, and not in
-thousandths as CiA 402 specifies. An EPOS4 can also refuse the velocity units of `VELOCITY_UNITS`.
+thousandths as CiA 402 specifies. In a file that maxon published for an EPOS4 50/15, for example,
+it is 512871, which is the nominal current 4760 mA times the torque constant 107746 uN m/A.
 """
+TORQUE_UNITS = {"milli_nm": 1e-3, "micro_nm": 1e-6}
+"""Unit of object 6076h [N m] for each value of `rated_torque_unit`."""
 INVALID = 1 << 31
 """Bit of the COB-ID of a PDO. It is set if the PDO is not used."""
 NO_OBJECT = (0x06020000, 0x06090011)
@@ -70,8 +73,11 @@ VARIABLES = {
     0x6061: INTEGER8,
     0x6064: INTEGER32,
     0x606C: INTEGER32,
+    0x6071: INTEGER16,
+    0x6072: UNSIGNED16,
     0x6076: UNSIGNED32,
     0x6077: INTEGER16,
+    0x607A: INTEGER32,
     0x60A9: UNSIGNED32,
     0x60FF: INTEGER32,
     0x6502: UNSIGNED32,
@@ -90,6 +96,15 @@ RECORDS = {
 
 PDO mappings are declared as records, because canopen cannot write mappings that are arrays.
 """
+
+
+class Torques(NamedTuple):
+    """Torques of a drive that were read from its objects."""
+
+    rated: float
+    """Rated torque [N m]; NaN if it is unknown."""
+    most: int
+    """Largest target torque, in thousandths of the rated torque."""
 
 
 def object_dictionary() -> ObjectDictionary:
@@ -122,6 +137,7 @@ class DriveSetup:
         self._where = where
         self._bus = bus
         self._settings = settings
+        self._mode = MODES[settings.mode]
         self._network = BusNetwork(bus)
         self._node: Any = PumpedNode(settings.node_id, bus)
         self._network[settings.node_id] = self._node
@@ -130,27 +146,41 @@ class DriveSetup:
         """Process the CAN frame of an SDO answer that arrived at `time` [s]."""
         self._network.notify(frame.arbitration_id, frame.data, time)
 
-    def run(self) -> float:
-        """Check and configure the drive; return its rated torque [N m], or NaN if it is unknown."""
+    def run(self) -> Torques:
+        """Check and configure the drive; return its torques."""
         self._identify()
         self._monitor()
         self._choose_mode()
         self._map()
         rated = self._read_if_there(0x6076)
-        return rated * 1e-3 if rated else math.nan
+        if self._settings.mode != "cst":
+            return Torques(rated * self._torque_unit if rated else math.nan, 0)
+        if not rated:
+            raise RigError(
+                f"{self._where}: object 6076h:00 is {rated or 'missing'}: expected the rated "
+                "torque, because mode is cst"
+            )
+        return Torques(rated * self._torque_unit, self._read_if_there(0x6072) or MOST_TORQUE)
+
+    @property
+    def _torque_unit(self) -> float:
+        return TORQUE_UNITS[self._settings.rated_torque_unit]
 
     def _identify(self) -> None:
         settings = self._settings
         vendor = self._read_if_there(0x1018, 1) or 0
-        if name := UNSUPPORTED.get(vendor):
+        unit = "micro_nm" if vendor == MAXON else "milli_nm"
+        if settings.rated_torque_unit != unit:
+            whose = "of maxon" if vendor == MAXON else "that is not of maxon"
             raise RigError(
-                f"{self._where}: drive of {name}, vendor id 0x{vendor:X}: not supported: its rated "
-                "torque (object 6076h) has another unit, so that the force would be 1000 times too "
-                "large, and it may refuse the velocity unit: expected another CiA 402 drive"
+                f"{self._where}: rated_torque_unit {settings.rated_torque_unit} for a drive "
+                f"{whose}, vendor id 0x{vendor:X}: with a wrong unit of its rated torque (object "
+                f"6076h), the force would be wrong by a factor of 1000: expected {unit}"
             )
         self._expect(0x1000, 0, PROFILE, "profile 402 in its low word", mask=0xFFFF)
+        mode, bit = self._mode, self._mode.number - 1
         self._expect(
-            0x6502, 0, SUPPORTS_IT, "bit 8, cyclic synchronous velocity mode", mask=SUPPORTS_IT
+            0x6502, 0, 1 << bit, f"bit {bit}, cyclic synchronous {mode.name} mode", mask=1 << bit
         )
         if settings.vendor_id is not None:
             self._expect(0x1018, 1, settings.vendor_id, f"vendor_id 0x{settings.vendor_id:X}")
@@ -158,9 +188,21 @@ class DriveSetup:
             self._expect(
                 0x1018, 2, settings.product_code, f"product_code 0x{settings.product_code:X}"
             )
-        unit = VELOCITY_UNITS[settings.velocity_unit]
-        if self._read_if_there(0x60A9) not in (0, None, unit):
+        self._set_velocity_unit()
+
+    def _set_velocity_unit(self) -> None:
+        """Set the velocity unit, if the drive has the object 60A9h and another value in it."""
+        unit = VELOCITY_UNITS[self._settings.velocity_unit]
+        found = self._read_if_there(0x60A9)
+        if found in (0, None, unit):
+            return
+        try:
             self._write(0x60A9, 0, unit)
+        except RigError as error:
+            names = [name for name, value in VELOCITY_UNITS.items() if value == found]
+            if not names:
+                raise
+            raise RigError(f"{error}: expected velocity_unit {names[0]}, as it is now") from error
 
     def _monitor(self) -> None:
         """Set the drive's heartbeat period, and its reaction if the controller's heartbeat ends."""
@@ -168,22 +210,26 @@ class DriveSetup:
         self._write(0x1017, 0, watchdog // 4)
         self._write(0x1016, 1, NODE << 16 | watchdog)
         self._write(0x1029, 1, KEEP_NMT_STATE, optional=True)
-        self._write(0x6007, 0, QUICK_STOP_IF_MASTER_LOST)
+        torque = self._settings.mode == "cst"
+        lost = DISABLE_IF_MASTER_LOST if torque else QUICK_STOP_IF_MASTER_LOST
+        self._write(0x6007, 0, lost)
         self._write(0x605A, 0, RAMP_THEN_DISABLE, optional=True)
 
     def _choose_mode(self) -> None:
-        mode = CYCLIC_SYNCHRONOUS_VELOCITY
+        mode, target, name = self._mode
         self._write(0x6040, 0, Control.QUICK_STOP)
-        self._write(0x60FF, 0, 0)
+        self._write(target, 0, self._read(0x6064) if self._settings.mode == "csp" else 0)
         self._write(0x6060, 0, mode)
         if not self._bus.wait_for(lambda: self._read(0x6061) == mode, MODE_CHANGE):
-            self._expect(0x6061, 0, mode, "mode 9, cyclic synchronous velocity, as 6060h was set")
+            self._expect(
+                0x6061, 0, mode, f"mode {mode}, cyclic synchronous {name}, as 6060h was set"
+            )
 
     def _map(self) -> None:
         node = self._settings.node_id
         self._write(0x1400, 1, RPDO1 + node | INVALID)
         self._write(0x1400, 5, self._settings.watchdog_ms, optional=True)
-        self._save(self._node.rpdo[1], RPDO1 + node, 0x6040, 0x60FF)
+        self._save(self._node.rpdo[1], RPDO1 + node, 0x6040, self._mode.target)
         self._save(self._node.tpdo[1], TPDO1 + node, 0x6041, 0x6064)
         self._save(self._node.tpdo[2], TPDO2 + node, 0x606C, 0x6077)
         for other in (0x1802, 0x1803):

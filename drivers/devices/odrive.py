@@ -1,16 +1,16 @@
-"""Driver of an axis of an ODrive motor controller on a CAN bus, in velocity control."""
+"""Driver of an axis of an ODrive motor controller on a CAN bus, in velocity or torque control."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from typing import TYPE_CHECKING, Annotated, Self
+from typing import TYPE_CHECKING, Annotated, Literal, Self
 
 from pydantic import Field, FiniteFloat, model_validator
 
 from drivers.codecs import odrive as codec
 from drivers.codecs.odrive import AxisState, Command
-from drivers.device import CanDevice, DeviceSettings, Sample, VelocityDrive
+from drivers.device import CanDevice, DeviceSettings, Drive, ForceDrive, Sample, VelocityDrive
 from drivers.rig import RigError
 
 if TYPE_CHECKING:
@@ -36,6 +36,8 @@ class ODriveSettings(DeviceSettings):
     bus: str
     node: Annotated[int, Field(ge=0, le=62)]
     firmware: codec.Firmware
+    mode: Literal["velocity", "torque"] = "velocity"
+    """What the axis accepts."""
     travel_mm_per_turn: Annotated[FiniteFloat, Field(gt=0)]
     """Displacement of the carriage per turn of the motor [mm]."""
     torque_constant_nm_per_a: Annotated[FiniteFloat, Field(ge=-100, le=100)] | None = None
@@ -57,6 +59,25 @@ class ODriveSettings(DeviceSettings):
         return self
 
 
+class TorqueMode(ForceDrive):
+    """The axis in torque control."""
+
+    def __init__(self, device: ODrive) -> None:
+        self._device = device
+
+    def enable(self) -> bool:
+        """Request operation without force; return whether the axis is in operation."""
+        return self._device.enable()
+
+    def command(self, force: float) -> float:
+        """Store the force [N]; return it, or 0 if the axis is not in operation."""
+        return self._device.command_force(force)
+
+    def idle(self) -> bool:
+        """Request that the axis leaves operation; return whether it has confirmed it."""
+        return self._device.idle()
+
+
 class ODrive(CanDevice, VelocityDrive):
     """An axis of an ODrive motor controller.
 
@@ -67,11 +88,13 @@ class ODrive(CanDevice, VelocityDrive):
     firmware, the class requests the motor current if the rig file gives the torque constant of the
     motor. The class computes the motor torque from the current and the torque constant.
 
-    The device has one drive, `axis`, which is the device itself. An error is stored until `rearm`
-    is called or the axis is enabled again. The user must set the watchdog on the ODrive. Velocity
-    commands reset the watchdog timer. With firmware 0.5, every frame to the axis resets this timer.
-    Therefore, from a stop until a heartbeat reports the state IDLE, only the request for this state
-    is sent. The pauses between these requests increase to twice the watchdog time.
+    The device has one drive, `axis`, which is the device itself, or with `mode = "torque"` a
+    `TorqueMode`. In torque control, the ODrive reduces the torque near the largest velocity. An
+    error is stored until `rearm` is called or the axis is enabled again. The user must set the
+    watchdog on the ODrive. Set-points reset the watchdog timer. With firmware 0.5, every frame to
+    the axis resets this timer. Therefore, from a stop until a heartbeat reports the state IDLE,
+    only the request for this state is sent. The pauses between these requests increase to twice the
+    watchdog time.
     """
 
     Settings = ODriveSettings
@@ -79,7 +102,9 @@ class ODrive(CanDevice, VelocityDrive):
 
     def __init__(self, name: str, settings: ODriveSettings) -> None:
         super().__init__(name, settings)
-        self.drives = {"axis": self}
+        self._torque_control = settings.mode == "torque"
+        axis: Drive = TorqueMode(self) if self._torque_control else self
+        self.drives = {"axis": axis}
         self._travel = settings.travel_mm_per_turn * 1e-3
         self._most = settings.max_velocity_mm_per_s * 1e-3
         self._silence = settings.heartbeat_timeout_ms * 1e-3
@@ -100,7 +125,8 @@ class ODrive(CanDevice, VelocityDrive):
         """Earliest time of the next request for the state IDLE [s]."""
         self._pause = FIRST_REPEAT
         """Pause after the next request for the state IDLE [s]."""
-        self._velocity = 0.0
+        self._set_point = 0.0
+        """Velocity [rev/s] or torque [N m] that `transmit` sends."""
         self._heard = False
         """Whether a heartbeat was received since the last tick."""
         self._now = self._heartbeat = self._asked = -math.inf
@@ -254,10 +280,11 @@ class ODrive(CanDevice, VelocityDrive):
         if not self._wanted:
             self._wanted, self._settling, self._idle, self.error = True, True, False, ""
             limits = codec.set_limits(self._most / self._travel, self.settings.max_current_a)
-            mode = codec.set_controller_mode(codec.VELOCITY_CONTROL, codec.PASSTHROUGH)
+            control = codec.TORQUE_CONTROL if self._torque_control else codec.VELOCITY_CONTROL
+            mode = codec.set_controller_mode(control, codec.PASSTHROUGH)
             self._send(Command.SET_LIMITS, limits)
             self._send(Command.SET_CONTROLLER_MODE, mode)
-            self._send(Command.SET_INPUT_VEL, codec.set_input_vel(0.0))
+            self._send_set_point(0.0)
             self._send(Command.CLEAR_ERRORS, codec.clear_errors(self.settings.firmware))
             self._request(AxisState.CLOSED_LOOP_CONTROL)
         return self._ready and not self.error
@@ -268,22 +295,29 @@ class ODrive(CanDevice, VelocityDrive):
         If the axis is not in operation, or if there is an error, the velocity is 0.
         """
         operates = self._ready and not self.error
-        self._velocity = min(max(velocity, -self._most), self._most) if operates else 0.0
-        return self._velocity
+        applied = min(max(velocity, -self._most), self._most) if operates else 0.0
+        self._set_point = applied / self._travel
+        return applied
+
+    def command_force(self, force: float) -> float:
+        """Store the force [N] of an axis in torque control; return the force that is sent [N]."""
+        applied = force if self._ready and not self.error else 0.0
+        self._set_point = applied * self._travel / math.tau
+        return applied
 
     def transmit(self) -> None:
-        """If operation is requested, send the velocity. This frame also resets the watchdog timer.
+        """If operation is requested, send the set-point. This also resets the watchdog timer.
 
-        The watchdog of the ODrive must stop the axis if no velocity is sent. But with firmware 0.5,
-        a request for the motor current also resets the watchdog timer. Therefore, while operation
-        is requested, only this method requests the current, directly after it has sent a velocity.
+        The watchdog of the ODrive must stop the axis if no set-point is sent. But with firmware
+        0.5, a request for the motor current also resets the watchdog timer. Therefore, while
+        operation is requested, only this method requests the current, directly after a set-point.
         """
         if self._wanted:
-            self._send(Command.SET_INPUT_VEL, codec.set_input_vel(self._velocity / self._travel))
+            self._send_set_point(self._set_point)
             self._ask_for_current()
 
     def idle(self) -> bool:
-        """Command zero velocity, and request the state IDLE; return whether it is confirmed.
+        """Command zero velocity or torque, and request the state IDLE; return whether it confirms.
 
         The first call, and calls after the confirmation, send the request at once. Until the
         confirmation, it is repeated after pauses of 5, 10, 20 ms and so on. With firmware 0.5, each
@@ -296,10 +330,10 @@ class ODrive(CanDevice, VelocityDrive):
             # A heartbeat in which a requested operation is not visible yet confirms nothing.
             self._settling = not self._ready
             self._repeat, self._pause = -math.inf, FIRST_REPEAT
-        self._wanted, self._ready, self._velocity = False, False, 0.0
+        self._wanted, self._ready, self._set_point = False, False, 0.0
         now = self._bus.now()
         if self._idle or now >= self._repeat:
-            self._send(Command.SET_INPUT_VEL, codec.set_input_vel(0.0))
+            self._send_set_point(0.0)
             self._request(AxisState.IDLE)
             self._repeat = now + self._pause
             self._pause = min(2.0 * self._pause, self._longest_pause)
@@ -313,6 +347,13 @@ class ODrive(CanDevice, VelocityDrive):
     def _ask(self, command: Command) -> None:
         assert self._bus
         self._bus.request(codec.identifier(self.settings.node, command))
+
+    def _send_set_point(self, value: float) -> None:
+        """Send a velocity [rev/s], or in torque control a torque [N m]."""
+        if self._torque_control:
+            self._send(Command.SET_INPUT_TORQUE, codec.set_input_torque(value))
+        else:
+            self._send(Command.SET_INPUT_VEL, codec.set_input_vel(value))
 
     def _request(self, state: AxisState) -> None:
         self._send(Command.SET_AXIS_STATE, codec.set_axis_state(state))

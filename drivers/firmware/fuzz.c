@@ -109,17 +109,19 @@ static void check(teleop_board *board, const teleop_inputs *inputs)
     for (int i = 0; i < TELEOP_AXES; i++) {
         hold(!board->enabled[i] || board->state == TELEOP_ENABLED, "enabled in that state alone");
         hold(board->enabled[i] || board->velocity[i] == 0, "no velocity unless enabled");
+        hold(board->enabled[i] || board->force[i] == 0, "no force unless enabled");
         hold(!board->enabled[i] || !(inputs->emergency_stop || inputs->drive_fault),
              "not enabled against an input");
     }
+    hold(board->force[0] == 0 && board->velocity[1] == 0, "each axis has one kind of command");
     hold(board->state <= TELEOP_DRIVE_FAULT, "a known state");
 }
 
 int main(int argc, char **argv)
 {
-    static const teleop_identity identity = {1, 0, 7, 2, 2, 2, 4, 2000};
+    static const teleop_identity identity = {1, 0, 7, 2, 2, 2, 4, 2000, 2};
     uint32_t inputs_left = argc > 1 ? (uint32_t)strtoul(argv[1], NULL, 10) : INPUTS;
-    unsigned long states[TELEOP_DRIVE_FAULT + 1] = {0}, taken = 0, moved = 0;
+    unsigned long states[TELEOP_DRIVE_FAULT + 1] = {0}, taken = 0, moved = 0, pushed = 0;
     uint16_t sequence = 0;
     teleop_inputs inputs = {0};
     teleop_board board;
@@ -155,8 +157,9 @@ int main(int argc, char **argv)
         check(&board, &inputs);
         states[board.state]++;
         moved += board.velocity[0] != 0;
+        pushed += board.force[1] != 0;
     }
-    printf("taken %lu moved %lu idle %lu enabled %lu watchdog %lu stop %lu fault %lu\n", taken, moved,
-           states[0], states[1], states[2], states[3], states[4]);
+    printf("taken %lu moved %lu pushed %lu idle %lu enabled %lu watchdog %lu stop %lu fault %lu\n",
+           taken, moved, pushed, states[0], states[1], states[2], states[3], states[4]);
     return 0;
 }

@@ -1,8 +1,9 @@
 /* Simulated board on a file descriptor, for example on the master of a pseudo-terminal.
  *
- *     posix_main FD
+ *     posix_main FD [FORCE_AXES]
  *
- * One count is 1 um. The positions are integrals of the velocities. The forces are 100 and 200
+ * FORCE_AXES is the bit mask of the axes that accept a force. One count is 1 um, and a force of one
+ * count moves an axis with 1 um/s. The positions are integrals of the velocities. The forces are 100 and 200
  * counts. The analogue inputs are 10, 20, 30 and 40 counts. On standard input, the letter e toggles
  * the emergency stop, f toggles the drive fault, and r resets the board. The program ends at the
  * end of standard input.
@@ -17,7 +18,7 @@
 #include <time.h>
 #include <unistd.h>
 
-static const teleop_identity identity = {1, 0, 0xB0A2D001, 2, 2, 2, 4, 2000};
+static teleop_identity identity = {1, 0, 0xB0A2D001, 2, 2, 2, 4, 2000, 0};
 
 static uint32_t micros(void)
 {
@@ -48,8 +49,8 @@ static void move(const teleop_board *board, teleop_inputs *inputs, uint32_t now_
     double dt = (now_us - inputs->time_us) * 1e-6;
     inputs->time_us = now_us;
     for (int i = 0; i < TELEOP_AXES; i++) {
-        inputs->velocity[i] = board->velocity[i];
-        travel[i] += board->velocity[i] * dt;
+        inputs->velocity[i] = board->velocity[i] + board->force[i];
+        travel[i] += inputs->velocity[i] * dt;
         inputs->position[i] = (int32_t)travel[i];
     }
 }
@@ -58,7 +59,9 @@ int main(int argc, char **argv)
 {
     teleop_board board;
     teleop_inputs inputs;
-    int host = argc == 2 ? atoi(argv[1]) : -1;
+    int host = argc > 1 ? atoi(argv[1]) : -1;
+
+    identity.force_axes = argc > 2 ? (uint8_t)atoi(argv[2]) : 0;
 
     if (host < 0 || fcntl(host, F_SETFL, O_NONBLOCK) < 0) {
         return 2;

@@ -121,7 +121,7 @@ static void halt(teleop_board *board, teleop_state state)
     board->state = state;
     for (int i = 0; i < TELEOP_AXES; i++) {
         board->enabled[i] = false;
-        board->velocity[i] = 0;
+        board->velocity[i] = board->force[i] = 0;
     }
 }
 
@@ -153,14 +153,17 @@ static void enable(teleop_board *board, unsigned axes, uint32_t now_us)
     }
 }
 
-static void command(teleop_board *board, const uint8_t *velocities, uint32_t now_us)
+static void command(teleop_board *board, const uint8_t *values, uint32_t now_us)
 {
     if (board->state != TELEOP_ENABLED) {
         return;
     }
     board->commanded_us = now_us;
     for (int i = 0; i < TELEOP_AXES; i++) {
-        board->velocity[i] = board->enabled[i] ? get_i32(velocities + 4 * i) : 0;
+        bool by_force = board->identity.force_axes >> i & 1u;
+        int32_t value = board->enabled[i] ? get_i32(values + 4 * i) : 0;
+        board->velocity[i] = by_force ? 0 : value;
+        board->force[i] = by_force ? value : 0;
     }
 }
 
@@ -270,7 +273,7 @@ static size_t identity_frame(teleop_board *board, uint32_t now_us, uint8_t frame
 {
     const teleop_identity *who = &board->identity;
     message answer = begin(board, IDENTITY, now_us);
-    put_u8(&answer, TELEOP_PROTOCOL_VERSION);
+    put_u8(&answer, who->force_axes ? TELEOP_FORCE_PROTOCOL_VERSION : TELEOP_PROTOCOL_VERSION);
     put_u8(&answer, who->firmware_major);
     put_u8(&answer, who->firmware_minor);
     put_u32(&answer, who->boot);
@@ -278,6 +281,9 @@ static size_t identity_frame(teleop_board *board, uint32_t now_us, uint8_t frame
     put_u8(&answer, who->encoders);
     put_u8(&answer, who->axes);
     put_u8(&answer, who->analogues);
+    if (who->force_axes) {
+        put_u8(&answer, who->force_axes);
+    }
     return finish(&answer, frame);
 }
 

@@ -2,7 +2,8 @@
  *
  * The code is portable C99. It needs no heap, clock or operating system. In the main loop, pass
  * each received byte to teleop_board_receive. Then pass the inputs to teleop_board_poll, send the
- * frames that it returns, and set the axes according to `enabled` and `velocity`. See example.ino.
+ * frames that it returns, and set the axes according to `enabled` and `velocity` or `force`. See
+ * example.ino, and hapkit.ino for an axis that accepts a force.
  *
  * Call teleop_board_poll at least ten times during the shortest watchdog time. Call these functions
  * either from the main loop or from an interrupt, not from both.
@@ -19,7 +20,8 @@ extern "C" {
 #endif
 
 enum {
-    TELEOP_PROTOCOL_VERSION = 1,
+    TELEOP_PROTOCOL_VERSION = 1,       /* of a board whose axes all accept velocities */
+    TELEOP_FORCE_PROTOCOL_VERSION = 2, /* of a board with an axis that accepts a force */
     TELEOP_FORCES = 2,
     TELEOP_AXES = 2,
     TELEOP_ANALOGUES = 4,
@@ -45,6 +47,7 @@ typedef struct {
     uint8_t axes;
     uint8_t analogues;
     uint16_t max_sample_rate_hz;
+    uint8_t force_axes; /* bit i: axis i accepts a force, not a velocity */
 } teleop_identity;
 
 /* Readings of all inputs of the board at the same time. */
@@ -61,7 +64,8 @@ typedef struct {
 typedef struct {
     /* Commands for the axes. Do not use the fields after `state`: they are private. */
     bool enabled[TELEOP_AXES];     /* if false: brake, or switch off the power */
-    int32_t velocity[TELEOP_AXES]; /* [counts]; 0 if not enabled */
+    int32_t velocity[TELEOP_AXES]; /* [counts]; 0 if not enabled, and for an axis with a force */
+    int32_t force[TELEOP_AXES];    /* [counts]; 0 if not enabled, and for an axis with a velocity */
     teleop_state state;
 
     teleop_identity identity;

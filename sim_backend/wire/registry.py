@@ -17,7 +17,9 @@ BUILT_IN = {
     "bota": "sim_backend.wire.devices.bota:EmulatedBota",
     "cia402": "sim_backend.wire.devices.cia402:EmulatedCia402",
     "dbc": "sim_backend.wire.devices.dbc:EmulatedDbcDevice",
+    "dynamixel": "sim_backend.wire.devices.dynamixel:EmulatedDynamixel",
     "ft300": "sim_backend.wire.devices.ft300:EmulatedFt300",
+    "mit_motor": "sim_backend.wire.devices.mit_motor:EmulatedMitMotor",
     "moteus": "sim_backend.wire.devices.moteus:EmulatedMoteus",
     "odrive": "sim_backend.wire.devices.odrive:EmulatedODrive",
 }

@@ -241,12 +241,16 @@ def print_evaluation(summary: Mapping[str, Any], name: str, details: bool) -> No
         console.print(f"  {DETAILS}")
 
 
-LARGEST_DIFFERENCE = 0.1
-"""Difference of the k of an online estimator from the result that is stated, relative to k."""
+LARGEST_DIFFERENCE, LARGEST_DIFFERENCE_OF_B = 0.1, 0.5
+"""Differences of the k and of the b of an online estimator from the result that are stated, as
+fractions of k and b."""
 
 
 def disagreement_lines(summary: Mapping[str, Any]) -> list[str]:
-    """Return whether online estimates differ from the result, as at most one line."""
+    """Return where online estimates differ from the result, as at most one line for k and for b.
+
+    The b of an estimator must also differ by more than its interval and that of the result.
+    """
     result = summary["result"]
     if not result["identifiable"]:
         return [f"{UNSUPPORTED}: see the reasons of the result"]
@@ -255,11 +259,21 @@ def disagreement_lines(summary: Mapping[str, Any]) -> list[str]:
     high = max(result["k_high"], k + LARGEST_DIFFERENCE * abs(k))
     rows = summary["estimates"].items()
     names = [name for name, row in rows if math.isfinite(row["k"]) and not low <= row["k"] <= high]
-    if not names:
-        return []
+    b = result["b"]
+    others = []
+    if b is not None and not result["b_reason"]:
+        least = max(LARGEST_DIFFERENCE_OF_B * abs(b), b - result["b_low"])
+        others = [
+            name for name, row in rows if abs(row["b_end"] - b) > max(least, row["b_interval"])
+        ]
     return [
-        f"k of {', '.join(names)} differs by more than {LARGEST_DIFFERENCE:.0%} from the result: "
+        f"{symbol} of {', '.join(found)} differs by more than {limit:.0%} from the result: "
         "publish the result"
+        for symbol, found, limit in (
+            ("k", names, LARGEST_DIFFERENCE),
+            ("b", others, LARGEST_DIFFERENCE_OF_B),
+        )
+        if found
     ]
 
 

@@ -60,9 +60,23 @@ class DriveReport(NamedTuple):
 
 
 def drive_report(
-    name: str, watchdog: float, strokes: Sequence[Stroke], problem: str
+    name: str,
+    watchdog: float,
+    strokes: Sequence[Stroke],
+    problem: str,
+    coupled: bool = False,
+    reports_watchdog: bool = True,
 ) -> DriveReport:
-    """Return the result of the check of one drive."""
+    """Return the result of the check of one drive.
+
+    `coupled` states whether its axis follows the velocity through a virtual coupling.
+    """
+    remarks = [] if problem else [remark(name, strokes, coupled)]
+    if not reports_watchdog:
+        remarks.append(
+            "does not report its watchdog: test it by hand: unplug the bus while the drive exerts "
+            "a force"
+        )
     longest = strokes[-1] if strokes else Stroke(math.nan, math.nan, math.nan)
     return DriveReport(
         name,
@@ -71,11 +85,11 @@ def drive_report(
         longest.moved,
         longest.moved / longest.commanded,
         problem,
-        "" if problem else remark(name, strokes),
+        "; ".join(filter(None, remarks)),
     )
 
 
-def remark(name: str, strokes: Sequence[Stroke]) -> str:
+def remark(name: str, strokes: Sequence[Stroke], coupled: bool = False) -> str:
     """Return a text if the measured travel differs too much from the commanded travel.
 
     The text is empty if the difference is small. Otherwise, the text states a likely cause. To find
@@ -93,6 +107,13 @@ def remark(name: str, strokes: Sequence[Stroke]) -> str:
         f"{longest.lost * 1e3:.3f} mm less: expected {1.0 - LARGEST_DEVIATION:.0%} to "
         f"{1.0 + LARGEST_DEVIATION:.0%}: "
     )
+    if coupled and longest.lost < 0.0:  # an oscillation on the spring of the coupling
+        return ""
+    if coupled:
+        return (
+            f"{text}friction of the moving part or a hand that holds it stretches the coupling; "
+            "otherwise, check that the motor exerts its force"
+        )
     scale = f"check the scales of drives.{name} and of channels.{name}_position"
     if len(strokes) < 2 or longest.lost < 0.0:
         return text + scale

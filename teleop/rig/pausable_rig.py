@@ -21,12 +21,19 @@ class PausableRig(Rig):
     def __init__(self, rig: WiredRig) -> None:
         self.paused = False
         """Whether no commands are sent to the drives. If True, the measurement also does not
-        contain the errors of the drives."""
+        contain the errors of the drives, and the ages of samples that come only with commands."""
         self.applied = STANDSTILL
         """Latest command that the drives have applied."""
         drives = dict(rig.file.sections.drives.items())
         self._rig = rig
         self._drives = {name: rig.devices[drive.device] for name, drive in drives.items()}
+        self.reporting = {name for name, drive in rig.drives.items() if drive.reports_watchdog}
+        """Names of the drives that report a stop by their watchdog."""
+        silent = {name for name, d in rig.devices.items() if d.silent_without_commands}
+        channels = rig.file.sections.channels
+        self._silent = {name: 0.0 for name, c in channels.items() if c.device in silent}
+        if "master_position" in self._silent and channels.master_force is None:
+            self._silent["master_force"] = 0.0
         moving = list(self._drives.values())
         self._others = [device for device in rig.devices.values() if device not in moving]
 
@@ -46,11 +53,12 @@ class PausableRig(Rig):
         if not self.paused:
             return measurement
         errors = (f"{device.name}: {device.error}" for device in self._others if device.error)
-        return measurement._replace(drive_error=next(errors, ""))
+        ages = measurement.age._replace(**self._silent)
+        return measurement._replace(drive_error=next(errors, ""), age=ages)
 
     def stopped(self) -> Iterator[str]:
         """Yield the names of the drives that report an error, for example after a watchdog stop."""
-        return (name for name, device in self._drives.items() if device.error)
+        return (name for name in self.reporting if self._drives[name].error)
 
     def enable(self) -> bool:
         """Request that all drives go into operation; return whether all are in operation."""

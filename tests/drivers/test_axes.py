@@ -150,3 +150,67 @@ def test_a_velocity_drive_has_no_coupling():
     assert axis.command(0.2, 0.0) == 0.2
     assert drive.commands == [(-0.2,)]
     assert math.isnan(axis.force)
+
+
+class Coarse(Impedances):
+    """A drive that applies multiples of 100 N/m only."""
+
+    def rounded(self, stiffness, damping):
+        return 100.0 * round(stiffness / 100.0), damping
+
+
+def test_a_drive_with_its_own_coupling_receives_the_gains_that_it_can_apply():
+    drive = Coarse()
+    axis = axis_of(drive, coupling=CouplingParameters(950.0, max_force=5.0))
+    assert axis.coupling.parameters.stiffness == 1000.0
+    axis.measure(Sample(0.0, 0.0))
+    axis.measure(Sample(0.0, PERIOD))
+    axis.enable()
+    axis.command(0.1, PERIOD)
+    assert drive.commands[-1][2] == 1000.0
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_its_reference_is_at_most_where_its_spring_has_the_largest_force(sign):
+    drive = Impedances()
+    axis = axis_of(drive, sign)
+    axis.measure(Sample(0.0, 0.0))
+    axis.measure(Sample(0.0, PERIOD))
+    axis.enable()
+    for k in range(2, 400):
+        axis.command(0.1, k * PERIOD)
+        axis.measure(Sample(0.0, k * PERIOD))
+        assert abs(500.0 * (drive.commands[-1][0] - 0.25)) <= 10.0 * (1 + 1e-9)
+    assert 500.0 * (drive.commands[-1][0] - 0.25) == pytest.approx(sign * 10.0)
+
+
+class Stepped(Positions):
+    """A drive with a resolution of 10 um that goes to 1 mm."""
+
+    def command(self, position):
+        return super().command(1e-5 * round(1e5 * min(position, 1e-3)))
+
+
+def test_the_rounding_of_a_position_drive_does_not_accumulate_and_its_limit_holds():
+    drive = Stepped()
+    axis = axis_of(drive, reading=lambda: 0.0)
+    axis.enable()
+    for k in range(101):
+        axis.command(2e-3, k * PERIOD)  # 2 um per period
+    assert drive.commands[-1][0] == pytest.approx(0.2e-3)
+    for k in range(101, 1000):
+        axis.command(2e-3, k * PERIOD)
+    for k in range(1000, 1100):
+        axis.command(-2e-3, k * PERIOD)
+    assert drive.commands[-1][0] == pytest.approx(0.9e-3, abs=1e-5)
+
+
+def test_a_position_drive_starts_where_it_goes_into_operation():
+    drive, position = Positions(), 0.1
+    axis = axis_of(drive, reading=lambda: position)
+    drive.enable = lambda: position > 0.3
+    assert not axis.enable()
+    position = 0.35
+    assert axis.enable()
+    axis.command(0.0, 0.0)
+    assert drive.commands[-1] == (0.35,)

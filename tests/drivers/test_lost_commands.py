@@ -8,6 +8,7 @@ this time.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from typing import Any
 
 import can
 import pytest
@@ -15,33 +16,39 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from drivers.codecs.odrive import AxisState, Command, identifier, set_axis_state, set_input_vel
-from drivers.device import Device, SerialDevice, VelocityDrive
+from drivers.device import Device, ForceDrive, PositionDrive, SerialDevice
 from drivers.devices.board import Board
 from drivers.devices.board_settings import BoardSettings
 from drivers.devices.cia402 import Cia402
 from drivers.devices.cia402_settings import Cia402Settings
+from drivers.devices.mit_motor import MitMotor
+from drivers.devices.mit_motor_settings import MitMotorSettings
 from drivers.devices.moteus import Moteus, MoteusSettings
 from drivers.devices.odrive import ODrive, ODriveSettings
 from sim_backend.wire.devices.board import EmulatedBoard
 from sim_backend.wire.devices.cia402 import DECELERATION, EmulatedCia402
+from sim_backend.wire.devices.mit_motor import EmulatedMitMotor
 from sim_backend.wire.devices.moteus import EmulatedMoteus
 from sim_backend.wire.devices.odrive import EmulatedODrive
 from sim_backend.wire.emulated_device import EmulatedDevice, Mount
 
 TICK = 1e-3
+FORCE = 1000.0
+"""Force of a drive that accepts forces, in place of a velocity of 1 m/s [N]."""
 WATCHDOG = 0.05
 SPEED = 0.02
 SLACK = 3 * TICK + SPEED / DECELERATION
 """Time for the transmission, and for the quick stop ramp of the CiA 402 drive [s]."""
 
 
-def odrive(firmware: str) -> tuple[Device, type[EmulatedDevice]]:
+def odrive(firmware: str, mode: str = "velocity") -> tuple[Device, type[EmulatedDevice]]:
     given = {"torque_constant_nm_per_a": 0.04} if firmware == "0.5" else {}
     section = ODriveSettings(
         kind="odrive",
         bus="wire",
         node=3,
         firmware=firmware,
+        mode=mode,
         travel_mm_per_turn=5.0,
         max_velocity_mm_per_s=50.0,
         max_current_a=10.0,
@@ -51,7 +58,7 @@ def odrive(firmware: str) -> tuple[Device, type[EmulatedDevice]]:
     return ODrive("slave", section), EmulatedODrive
 
 
-def cia402() -> tuple[Device, type[EmulatedDevice]]:
+def cia402(mode: str = "csv") -> tuple[Device, type[EmulatedDevice]]:
     section = Cia402Settings(
         kind="cia402",
         bus="wire",
@@ -59,6 +66,7 @@ def cia402() -> tuple[Device, type[EmulatedDevice]]:
         counts_per_turn=10_000,
         travel_mm_per_turn=5.0,
         watchdog_ms=round(WATCHDOG * 1e3),
+        mode=mode,
     )
     return Cia402("slave", section), EmulatedCia402
 
@@ -77,22 +85,45 @@ def moteus() -> tuple[Device, type[EmulatedDevice]]:
     return Moteus("slave", section), EmulatedMoteus
 
 
-def board() -> tuple[Device, type[EmulatedDevice]]:
+def board(**scales: Any) -> tuple[Device, type[EmulatedDevice]]:
     section = BoardSettings(
         kind="board",
         bus="wire",
         position_um_per_count=[1.0],
-        velocity_um_per_s_per_count=[1.0],
         watchdog_ms=round(WATCHDOG * 1e3),
+        **(scales or {"velocity_um_per_s_per_count": [1.0]}),
     )
     return Board("slave", section), EmulatedBoard
+
+
+def mit_motor(model: str, **ranges: float) -> tuple[Device, type[EmulatedDevice]]:
+    section = MitMotorSettings(
+        kind="mit_motor",
+        bus="wire",
+        model=model,
+        mode="torque",
+        can_id=3,
+        reply_id=0x13,
+        travel_mm_per_turn=500.0,
+        watchdog_ms=WATCHDOG * 1e3,
+        **ranges,
+    )
+    return MitMotor("slave", section), EmulatedMitMotor
 
 
 KINDS: dict[str, Callable[[], tuple[Device, type[EmulatedDevice]]]] = {
     "odrive-0.5": lambda: odrive("0.5"),
     "odrive-0.6": lambda: odrive("0.6"),
+    "odrive-0.6-torque": lambda: odrive("0.6", "torque"),
     "cia402": cia402,
+    "cia402-csp": lambda: cia402("csp"),
+    "cia402-cst": lambda: cia402("cst"),
     "board": board,
+    "board-force": lambda: board(axis_force_n_per_count=[1e-3]),
+    "mit_motor-damiao": lambda: mit_motor("DM4310"),
+    "mit_motor-cubemars": lambda: mit_motor(
+        "AK80-9", p_max_rad=12.5, v_max_rad_per_s=50, t_max_nm=18
+    ),
     "moteus": moteus,
 }
 
@@ -107,7 +138,7 @@ class Line(Mount):
         self.device, emulated = KINDS[kind]()
         self.emulated = emulated("slave", self.device.settings, self)
         (self.drive_name,) = self.device.drives
-        self.time = self.velocity = 0.0
+        self.time = self.velocity = self.position = self.target = 0.0
         self.driven = False
         self.lost: Iterator[bool] = iter(())
         """Whether each of the next frames to the drive is lost; then none is lost."""
@@ -117,17 +148,22 @@ class Line(Mount):
         self.device.start(self)
 
     @property
-    def driver(self) -> VelocityDrive:
+    def driver(self) -> Any:
         return self.device.drives[self.drive_name]
 
     def now(self) -> float:
         return self.time
 
     def sense(self, signal: str) -> float:
+        if signal == "position":
+            return self.position
         return self.velocity if signal.startswith("velocity") else 0.0
 
     def drive(self, name: str, velocity: float) -> None:
         self.velocity, self.driven = velocity, True
+
+    def push(self, name: str, force: float) -> None:
+        self.velocity, self.driven = force / FORCE, force != 0.0
 
     def brake(self, name: str) -> None:
         self.velocity, self.driven = 0.0, False
@@ -161,6 +197,7 @@ class Line(Mount):
     def receive(self) -> None:
         """Advance the time by a tick, and receive the frames of the drive."""
         self.time += TICK
+        self.position += self.velocity * TICK
         frames = self.emulated.emit(self.time)
         if not isinstance(self.device, SerialDevice):
             frames = [f for f in frames if f.arbitration_id in self.device.identifiers()]
@@ -181,7 +218,13 @@ class Line(Mount):
         for _ in range(ticks):
             self.receive()
             if self.driver.enable():
-                self.driver.command(SPEED)
+                if isinstance(self.driver, ForceDrive):
+                    self.driver.command(SPEED * FORCE)
+                elif isinstance(self.driver, PositionDrive):
+                    self.target += SPEED * TICK
+                    self.driver.command(self.target)
+                else:
+                    self.driver.command(SPEED)
             self.device.transmit()
 
     def stop(self, seconds: float) -> Iterator[bool]:
@@ -227,11 +270,11 @@ def test_a_drive_stands_still_after_a_stop_whichever_frames_to_it_are_lost(kind,
 def test_a_stop_is_confirmed_by_the_drive_only(kind):
     line = Line(kind)
     line.move(60)
-    assert line.velocity == pytest.approx(SPEED)
+    assert line.velocity == pytest.approx(SPEED, rel=0.05)
     line.deaf = True
     assert not any(line.stop(0.3))
     line.deaf = False
-    assert list(line.stop(0.02))[-1]
+    assert list(line.stop(3 * WATCHDOG))[-1]
 
 
 @pytest.mark.parametrize("firmware", ["0.5", "0.6"])

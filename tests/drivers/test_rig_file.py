@@ -276,3 +276,28 @@ def test_a_rate_above_1000_hz_is_accepted_as_on_the_command_line(tmp_path):
     text = (RIGS / "serial-board.toml").read_text()
     path.write_text(text.replace("rate_hz = 1000\n", "rate_hz = 2000\n"))
     assert read_rig_file(path).sections.rate_hz == 2000.0
+
+
+MIT = (RIGS / "mit-motor.toml").read_text()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        (
+            "stiffness_n_per_m = 977 ",
+            "stiffness_n_per_m = 80 ",
+            "drives.master: stiffness_n_per_m of 80 N/m: the motor would apply 97.68 N/m: expected "
+            "a value that it can apply with an error of at most 5%",
+        ),
+        (
+            "friction_ns_per_m = 2\n",
+            "damping_ns_per_m = 0.1\n",
+            "drives.master: damping_ns_per_m of 0.1 N s/m: the motor would apply 0 N s/m: expected "
+            "a value that it can apply with an error of at most 5%",
+        ),
+        ("max_force_n = 40\n", "", "drives.master.max_force_n: missing: the drive accepts forces"),
+    ],
+)
+def test_a_coupling_that_the_motor_cannot_close_is_a_problem(tmp_path, old, new, message):
+    assert problems(tmp_path, MIT.replace(old, new)) == [message]

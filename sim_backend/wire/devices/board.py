@@ -60,7 +60,12 @@ class EmulatedBoard(EmulatedSerialDevice):
             )
             for i in range(number)
         ]
-        self._axes = len(settings.velocity_um_per_s_per_count)
+        self._forces = [*settings.axis_force_n_per_count, 0.0, 0.0][:2]
+        self._axes = max(
+            len(settings.velocity_um_per_s_per_count), len(settings.axis_force_n_per_count)
+        )
+        if any(self._forces):
+            self.version = 2
         self.boot = random.getrandbits(32)
         self.reset(0.0)
 
@@ -144,15 +149,21 @@ class EmulatedBoard(EmulatedSerialDevice):
             for i in range(self._axes):
                 if mask >> i & 1 and i not in self._enabled:
                     self._enabled.add(i)
-                    self.mount.drive(f"axis_{i}", 0.0)
+                    self._actuate(i, 0)
 
     def _command(self, counts: tuple[int, ...], now: float) -> None:
         if self._state != ENABLED:
             return
         self._commanded = now
         for i in self._enabled:
-            scale = self.settings.velocity_um_per_s_per_count[i] * 1e-6
-            self.mount.drive(f"axis_{i}", counts[i] * scale)
+            self._actuate(i, counts[i])
+
+    def _actuate(self, axis: int, counts: int) -> None:
+        if force := self._forces[axis]:
+            self.mount.push(f"axis_{axis}", counts * force)
+        else:
+            scale = self.settings.velocity_um_per_s_per_count[axis] * 1e-6
+            self.mount.drive(f"axis_{axis}", counts * scale)
 
     def _watch(self, now: float) -> None:
         """Disable all axes at an emergency stop, a drive fault or an expired watchdog."""
@@ -182,6 +193,8 @@ class EmulatedBoard(EmulatedSerialDevice):
                 len(s.analogue_mv_per_count),
             )
             identity = struct.pack("<3BI4B", self.version, 1, 0, self.boot, *numbers)
+            if any(self._forces):
+                identity += bytes((sum(1 << i for i, force in enumerate(self._forces) if force),))
             frames.append(self._frame(IDENTITY, now, identity))
         if CONFIGURED in self._due:
             configured = struct.pack("<HH", self._watchdog_ms, self._rate_hz)

@@ -239,7 +239,7 @@ class CanopenNode(EmulatedCanDevice):
             if len(data) < sum(self.objects[at].size for at in mapped):
                 self.emergency(PDO_TOO_SHORT, COMMUNICATION_ERROR)
                 continue
-            timer = self[0x1400 + n, 5] * 1e-3
+            timer = self[0x1400 + n, 5] * 1e-3 if (0x1400 + n, 5) in self.objects else 0.0
             self._rpdo_due[n] = self._now + timer if timer else math.inf
             self._over(MISSED_PDO)
             if self[0x1400 + n, 2] > 240:

@@ -1,7 +1,7 @@
 """Emulated CiA 402 drive (servo drive on a CANopen bus), with quick stop and faults.
 
-The drive moves only in the operating mode cyclic synchronous velocity. In this mode, the host sends
-the velocity periodically.
+The drive moves only in the cyclic synchronous modes, in which the host sends the velocity, the
+position or the torque periodically.
 """
 
 from __future__ import annotations
@@ -25,9 +25,12 @@ RATED_TORQUE = 0.2
 """Rated torque of the motor [N m]."""
 DECELERATION = 2.0
 """Deceleration during a quick stop [m/s^2]."""
-CSV = 9
+CSP, CSV, CST = 8, 9, 10
 PROFILE_VELOCITY = 3
-COUNTS_PER_SECOND, RPM = 0x00B50300, 0x00B44700
+COUNTS_PER_SECOND, RPM, MILLI_RPM = 0x00B50300, 0x00B44700, 0xFDB44700
+MAXON = 0xFB
+SERVO = 2.0 * math.pi * 4.0
+"""Gain of the position controller [1/s]."""
 
 
 class SimulatedState(Enum):
@@ -51,7 +54,9 @@ VOLTAGE_ENABLED, REMOTE, FOLLOWS_COMMAND = 1 << 4, 1 << 9, 1 << 12
 
 
 class EmulatedCia402(CanopenNode):
-    """A CiA 402 drive (CANopen) whose motor follows the commanded velocity without delay.
+    """A CiA 402 drive (CANopen) whose motor follows velocity and torque without delay.
+
+    A position is followed by a controller with feed-forward of the velocity.
 
     Attributes
     ----------
@@ -69,6 +74,7 @@ class EmulatedCia402(CanopenNode):
         self._velocity = 0.0
         self._controlword = 0
         self._ran = math.inf
+        self._target, self._target_time, self._target_velocity = 0, math.nan, 0.0
 
     def fault(self, code: int) -> None:
         """Change to the state fault, and send an error message.
@@ -112,8 +118,8 @@ class EmulatedCia402(CanopenNode):
         allowed = {
             0x6007: (0, 1, 2, 3),
             0x605A: (0, 2, 6),
-            0x6060: (0, PROFILE_VELOCITY, CSV),
-            0x60A9: (COUNTS_PER_SECOND, RPM),
+            0x6060: (0, PROFILE_VELOCITY, CSP, CSV, CST),
+            0x60A9: (COUNTS_PER_SECOND, RPM, MILLI_RPM),
         }
         if index in allowed and value not in allowed[index]:
             raise Abort(VALUE_RANGE)
@@ -124,6 +130,15 @@ class EmulatedCia402(CanopenNode):
         """If the object `index` is the controlword (6040h), change the state of the drive."""
         if index == 0x6040:
             self._obey(self[0x6040, 0])
+        elif index == 0x607A:
+            self._follow(self[0x607A, 0])
+
+    def _follow(self, target: int) -> None:
+        """Store a target position, and the velocity since the last one."""
+        elapsed = self._now - self._target_time
+        moved = (target - self._target) / self._counts_per_metre
+        self._target_velocity = moved / elapsed if 0.0 < elapsed < 0.05 else 0.0
+        self._target, self._target_time = target, self._now
 
     def _obey(self, controlword: int) -> None:
         """Change the state of the drive as the bits of the controlword command.
@@ -163,8 +178,9 @@ class EmulatedCia402(CanopenNode):
         elapsed = max(0.0, now - self._ran)
         self._ran = now
         if self.state is SimulatedState.OPERATION_ENABLED:
-            target = self[0x60FF, 0] / self._velocity_units if self[0x6060, 0] == CSV else 0.0
-            self._go(target)
+            self._operate()
+        elif self.state in RAMPING and self[0x6060, 0] == CST:
+            self._stopped()
         elif self.state in RAMPING:
             slower = abs(self._velocity) - self[0x6085, 0] / self._counts_per_metre * elapsed
             self._go(math.copysign(max(slower, 0.0), self._velocity))
@@ -173,6 +189,21 @@ class EmulatedCia402(CanopenNode):
         else:
             self._hold()
         self._measure()
+
+    def _operate(self) -> None:
+        """Follow the target of the mode of operation."""
+        match self[0x6060, 0]:
+            case 9:
+                self._go(self[0x60FF, 0] / self._velocity_units)
+            case 8:
+                behind = self._target / self._counts_per_metre - self.mount.sense("position")
+                stale = self._now - self._target_time > 5e-3
+                self._go(SERVO * behind + (0.0 if stale else self._target_velocity))
+            case 10:
+                torque = 1e-3 * self[0x6071, 0] * RATED_TORQUE
+                self.mount.push(AXIS, torque * 2.0 * math.pi * self._turns_per_metre)
+            case _:
+                self._go(0.0)
 
     def _stopped(self) -> None:
         if self.state is SimulatedState.FAULT_REACTION_ACTIVE:
@@ -193,13 +224,14 @@ class EmulatedCia402(CanopenNode):
     @property
     def _velocity_units(self) -> float:
         """Value of the object 60FFh (target velocity) that corresponds to 1 m/s of the axis."""
-        if self[0x60A9, 0] == RPM:
-            return 60.0 * self._turns_per_metre
+        if self[0x60A9, 0] in (RPM, MILLI_RPM):
+            return (60.0 if self[0x60A9, 0] == RPM else 60e3) * self._turns_per_metre
         return self._counts_per_metre
 
     def _measure(self) -> None:
         status = self.state.value | VOLTAGE_ENABLED | REMOTE
-        if self.state is SimulatedState.OPERATION_ENABLED and self[0x6060, 0] == CSV:
+        cyclic = self[0x6060, 0] in (CSP, CSV, CST)
+        if self.state is SimulatedState.OPERATION_ENABLED and cyclic:
             status |= FOLLOWS_COMMAND
         force = self.mount.sense("force")
         torque = force / (2.0 * math.pi * self._turns_per_metre)
@@ -225,12 +257,14 @@ def drive_objects(settings: Cia402Settings, counts_per_metre: float) -> ObjectDi
 
     Those are the objects of CiA 402, the identity of the device, and the settings of its PDOs.
     """
-    unit = {"counts_per_s": COUNTS_PER_SECOND, "rpm": RPM}[settings.velocity_unit]
+    units = {"counts_per_s": COUNTS_PER_SECOND, "rpm": RPM, "milli_rpm": MILLI_RPM}
+    unit = units[settings.velocity_unit]
+    maxon = settings.rated_torque_unit == "micro_nm"
     return {
         (0x1000, 0): Entry("I", 0x0002_0192),
         (0x1008, 0): Entry("s", b"emulated CiA 402 servo drive"),
         (0x1018, 0): Entry("B", 4),
-        (0x1018, 1): Entry("I", settings.vendor_id or 0),
+        (0x1018, 1): Entry("I", settings.vendor_id or (MAXON if maxon else 0)),
         (0x1018, 2): Entry("I", settings.product_code or 0),
         (0x1018, 3): Entry("I", 1),
         (0x1018, 4): Entry("I", 1),
@@ -252,10 +286,12 @@ def drive_objects(settings: Cia402Settings, counts_per_metre: float) -> ObjectDi
         (0x6061, 0): Entry("b", 0, mappable=True),
         (0x6064, 0): Entry("i", 0, mappable=True),
         (0x606C, 0): Entry("i", 0, mappable=True),
-        (0x6076, 0): Entry("I", round(RATED_TORQUE * 1e3)),
+        (0x6071, 0): Entry("h", 0, writable=True, mappable=True),
+        (0x6076, 0): Entry("I", round(RATED_TORQUE * (1e6 if maxon else 1e3))),
         (0x6077, 0): Entry("h", 0, mappable=True),
+        (0x607A, 0): Entry("i", 0, writable=True, mappable=True),
         (0x6085, 0): Entry("I", round(DECELERATION * counts_per_metre), writable=True),
         (0x60A9, 0): Entry("I", unit, writable=True),
         (0x60FF, 0): Entry("i", 0, writable=True, mappable=True),
-        (0x6502, 0): Entry("I", 1 << PROFILE_VELOCITY - 1 | 1 << CSV - 1),
+        (0x6502, 0): Entry("I", sum(1 << mode - 1 for mode in (PROFILE_VELOCITY, CSP, CSV, CST))),
     }

@@ -26,7 +26,7 @@ BOOT = 0.3
 """Time after a reset during which the axis neither sends nor receives frames [s]."""
 
 IDLE, CLOSED_LOOP = 1, 8
-VELOCITY_CONTROL, PASSTHROUGH = 2, 1
+TORQUE_CONTROL, VELOCITY_CONTROL, PASSTHROUGH = 1, 2, 1
 WATCHDOG_EXPIRED = {"0.5": 0x800, "0.6": 0x1000000}
 ESTOP_REQUESTED = {"0.5": 0x4000, "0.6": 0x2000000}
 INVALID_STATE_05 = 0x1
@@ -38,8 +38,8 @@ SET_POINTS = (0x0C, 0x0D, 0x0E)
 class EmulatedODrive(EmulatedCanDevice):
     """Emulated axis of an ODrive controller, which moves one axis of the telemanipulator.
 
-    The axis moves only in the state closed-loop control, with the control mode velocity control and
-    the input mode passthrough. In this input mode, a commanded velocity is applied without delay.
+    The axis moves only in the state closed-loop control, with the control mode velocity or torque
+    control and the input mode passthrough. In this input mode, a command is applied without delay.
     """
 
     settings: ODriveSettings
@@ -58,6 +58,7 @@ class EmulatedODrive(EmulatedCanDevice):
         """Error bits: of all errors (firmware 0.5), or of errors that disarmed the axis (0.6)."""
         self._mode = (3, PASSTHROUGH)
         self._input_vel, self._vel_limit = 0.0, 2.0
+        self._input_torque = 0.0
         self._fed = math.nan
         self._due: dict[int, float] = {}
         self._answers: list[can.Message] = []
@@ -91,6 +92,8 @@ class EmulatedODrive(EmulatedCanDevice):
             self._mode = unpack("<II", data)
         elif command == 0x0D:
             self._input_vel = unpack("<f4x", data)[0]
+        elif command == 0x0E:
+            self._input_torque = unpack("<f4x", data)[0]
         elif command == 0x0F:
             self._vel_limit = unpack("<f4x", data)[0]
 
@@ -163,6 +166,9 @@ class EmulatedODrive(EmulatedCanDevice):
     def _actuate(self) -> None:
         if self._state != CLOSED_LOOP:
             self.mount.brake("axis")
+            return
+        if self._mode == (TORQUE_CONTROL, PASSTHROUGH):
+            self.mount.push("axis", self._input_torque * math.tau / self._travel)
             return
         limit = self._vel_limit
         follows = self._mode == (VELOCITY_CONTROL, PASSTHROUGH)

@@ -115,6 +115,8 @@ class Candidate(NamedTuple):
     """Knot, damping that depends on depth, mass and friction in the model."""
     parts: tuple[FittedPart, ...] = ()
     """Physical quantities of the extensions."""
+    share_before_knot: float = 1.0
+    """Increase of P from the lowest position to a knot, as a fraction of the elastic force."""
 
     @property
     def parameters(self) -> int:
@@ -145,6 +147,13 @@ class Candidate(NamedTuple):
         order = np.arange(1, self.degree + 1)
         slopes = np.linspace(-0.5, 0.5, 11)[:, None] ** (order - 1) @ (order * self.powers)
         return float(np.ptp(slopes) / max(abs(float(slopes.mean())), 1e-300))
+
+    def force_without_mass(self, record: SmoothedRecord) -> Floats:
+        """Return the force of a record without that of the mass of this model [N], shape (n,)."""
+        mass = self.part(MASS)
+        if not mass:
+            return record.f
+        return np.asarray(record.f - mass.values[0].value * record.derivative(record.v))
 
     def part(self, kind: str) -> FittedPart | None:
         """Return the physical quantities of one kind of extension; None without this kind."""
@@ -289,7 +298,7 @@ def fit_candidate(
         return Value(float(gradient @ theta), fit.deviation(gradient, rows.cycles))
 
     parts = []
-    knot_error = 0.0
+    knot_error, share_before_knot = 0.0, 1.0
     for one, at in zip(extensions, starts, strict=True):
         unit = np.eye(m)[at]
         if one.kind == KNOT:
@@ -301,6 +310,9 @@ def fit_candidate(
             above = below + unit / rows.scale
             place_of = Value(rows.origin + at_knot * rows.scale, spread * rows.scale)
             parts.append(FittedPart(KNOT, (place_of, value(below), value(above))))
+            lowest = float(rows.fine_powers[:, 0].min())
+            rise = float((at_knot**powers - lowest**powers) @ coefficients)
+            share_before_knot = rise / max(high - low, 1e-300)
             near_knot = abs(s - at_knot) < LEVEL_95 * spread
             if near_knot and one.values[1] == 0.0:  # on which side of the knot is not known
                 knot_error = 0.5 * size / rows.scale
@@ -338,6 +350,7 @@ def fit_candidate(
         stiffening=curvature,
         extensions=extensions,
         parts=tuple(parts),
+        share_before_knot=share_before_knot,
     )
     return found._replace(bic=bayesian_criterion(fit.residual, found.parameters))
 

@@ -55,6 +55,7 @@ from teleop.evaluation.batch.thresholds import (
     LEAST_TURN,
     LEVEL_WIDTH_NOISE,
     LONG_RECORD_GUARDS,
+    MOST_LEVEL_WIDTHS,
     OUT_OF_CONTACT_TRAVEL,
     SHORTEST_CLIPPING,
     SHORTEST_HOLD,
@@ -223,6 +224,7 @@ def free_and_saturated(
     turn = float(np.arccos(1.0 - min(1.0, 2.0 * width / (high - low))))
     lag = float(np.ptp(x)) * np.sin(np.arctan(tan_delta)) * turn
 
+    pull = adhesion(record) or 0.0
     fast = np.abs(v) > 0.1 * np.percentile(np.abs(v), 95)
     rate = np.gradient(elastic, record.period)
     margin = round(record.width / record.period)
@@ -242,13 +244,17 @@ def free_and_saturated(
             allowed += LAG_FACTOR * lag
         for start, end in runs(level):
             is_peak = top and peak_height(f[start:end]) > LEAST_PEAK * width
+            # The level is open on one side. In a peak or trough that is larger than the others, or
+            # beside a gap, the force is beyond it, but not constant.
+            spread = float(np.ptp(np.percentile(f[start:end], [5.0, 95.0])))
+            is_peak = is_peak or spread > MOST_LEVEL_WIDTHS * width + (0.0 if top else pull)
             travel, moved = (continued(one, start, end, top, margin) for one in (x, record.x))
             if not is_peak and travel > allowed and moved > LEAST_MOVED * allowed:
                 found[start:end] = True
         return found
 
     middle = 0.5 * (low + high)
-    free = constant(f < low + (adhesion(record) or 0.0) + width, f < middle, top=False)
+    free = constant(f < low + pull + width, f < middle, top=False)
     saturated = constant(f > high - width, f > middle, top=True)
     return (free if free.any() else None), bool(saturated.any())
 

@@ -19,6 +19,7 @@ from teleop.evaluation.batch.local_stiffness import LocalStiffness
 from teleop.evaluation.batch.thresholds import (
     LARGEST_LAYER_RATIO,
     LEAST_LAYER_RATIO,
+    LEAST_LEVEL_WIDTH,
     MOST_LAYER_DEGREE,
     NOTABLE_STIFFENING,
 )
@@ -41,17 +42,25 @@ def layers(best: Candidate) -> FittedPart | None:
     knot = best.part(KNOT)
     if knot is None or best.degree > MOST_LAYER_DEGREE:
         return None
+    if free_motion(best):
+        return None
     low, high = sorted(one.value for one in knot.values[1:])
     return knot if LEAST_LAYER_RATIO * low < high < LARGEST_LAYER_RATIO * low else None
 
 
 def free_motion(best: Candidate) -> FittedPart | None:
-    """Return the knot of the best model if it hardly has a stiffness before; None otherwise."""
+    """Return the knot of the best model if the force hardly increases before; None otherwise.
+
+    The force then changes by less than that of free motion (`contact_phases.level_width`), or the
+    stiffness before the knot is a very small part of that after it.
+    """
     knot = best.part(KNOT)
     if knot is None or best.degree > MOST_LAYER_DEGREE:
         return None
     before, after = (one.value for one in knot.values[1:])
-    return knot if after >= LARGEST_LAYER_RATIO * before else None
+    softer = after > LEAST_LAYER_RATIO * before
+    flat = softer and best.share_before_knot < LEAST_LEVEL_WIDTH
+    return knot if flat or after >= LARGEST_LAYER_RATIO * before else None
 
 
 def described(local: LocalStiffness, zero: float, surface: Value, level: float) -> dict[str, Any]:
@@ -79,7 +88,8 @@ def described(local: LocalStiffness, zero: float, surface: Value, level: float) 
             name: v.interval for name, v in zip(names, part.values, strict=True)
         }
     for kind, key in ((MASS, "mass_kg"), (FRICTION, "friction_n")):
-        if part := best.part(kind):
+        part = best.part(kind)
+        if part and not (kind == FRICTION and local.loss_force is not None):
             found[key] = part.values[0].interval
     return found
 
@@ -89,9 +99,10 @@ def depth_of(place: Value, surface: Value) -> Value:
     return Value(place.value - surface.value, math.hypot(place.std, surface.std))
 
 
-def phrases(best: Candidate, surface: Value, sinusoidal: bool) -> list[str]:
+def phrases(local: LocalStiffness, surface: Value, sinusoidal: bool) -> list[str]:
     """Return what the best model contains besides the Kelvin-Voigt model and relaxing parts."""
-    found = []
+    found: list[str] = []
+    best = local.best
     if knot := free_motion(best):
         rise = 1e3 * (knot.values[0].value - surface.value)
         return [
@@ -118,6 +129,12 @@ def phrases(best: Candidate, surface: Value, sinusoidal: bool) -> list[str]:
         )
     if part := best.part(MASS):
         found.append(f"a mass of {1e3 * part.values[0].value:.3g} g moves beyond the force sensor")
-    if part := best.part(FRICTION):
+    part = best.part(FRICTION)
+    if part and local.loss_force is not None:
+        found.append(
+            f"friction in the specimen, and damping, have a force of {local.loss_force:.3g} N "
+            "together, which one speed does not separate"
+        )
+    elif part:
         found.append(f"friction in the specimen has a force of {part.values[0].value:.3g} N")
     return found

@@ -292,7 +292,7 @@ def approximate_columns(rows: RegressionRows, kind: str) -> tuple[Choices, list[
     if kind == DEPTH_DAMPING:
         return [((1.0,), [0]), ((2.0,), [0, 1])], [s * v, s**2 * v]
     if kind == MASS:
-        return [((), [0])], [acceleration(rows)[index]]
+        return [((), [0])], [record.derivative(record.v)[index]]
     slips = friction_slips(rows)
     forces = friction_forces(record, np.array(slips))
     return [((slip,), [i]) for i, slip in enumerate(slips)], list(forces[:, index])
@@ -404,25 +404,13 @@ def exact_columns(rows: RegressionRows, kind: str, values: tuple[float, ...]) ->
         # s^p v is the derivative of s^(p + 1) / (p + 1), except for the factor `scale`.
         powers = range(1, round(values[0]) + 1)
         smoothed = (record.smoothed(s ** (p + 1)) / (p + 1) for p in powers)
-        return tuple(rows.scale * derivative(rows, one)[index] for one in smoothed)
+        return tuple(rows.scale * record.derivative(one)[index] for one in smoothed)
     if kind == MASS:
-        return (acceleration(rows)[index],)
+        return (record.derivative(record.v)[index],)
     (slip,) = values
     slips = slip * np.array([1.0, SLIP_STEP, 1.0 / SLIP_STEP])
     z, above, below = (record.smoothed(z)[index] for z in friction_forces(record, slips))
     return z, above - below
-
-
-def acceleration(rows: RegressionRows) -> Floats:
-    """Return the acceleration of the smoothed position [m/s^2]."""
-    return derivative(rows, rows.record.v)
-
-
-def derivative(rows: RegressionRows, values: Floats) -> Floats:
-    """Return the time derivative of a smoothed signal, separately in each piece between gaps."""
-    record = rows.record
-    pieces = np.split(values, record.starts[1:])
-    return np.concatenate([np.gradient(piece, record.period) for piece in pieces])
 
 
 def is_physical(one: Candidate) -> bool:

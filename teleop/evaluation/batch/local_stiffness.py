@@ -56,6 +56,7 @@ from estimation.estimator import LEVEL_95
 from estimation.robust_error import robust_fit
 from teleop.evaluation.batch.candidate import (
     DEPTH_DAMPING,
+    FRICTION,
     Candidate,
     Value,
     fit_candidate,
@@ -63,6 +64,7 @@ from teleop.evaluation.batch.candidate import (
 )
 from teleop.evaluation.batch.contact_phases import Phases
 from teleop.evaluation.batch.extensions import extended
+from teleop.evaluation.batch.lag_search import ForceLag, lag_instead_of_relaxation
 from teleop.evaluation.batch.regression_rows import DEGREES, RegressionRows
 from teleop.evaluation.batch.relaxation_search import with_relaxation
 from teleop.evaluation.batch.smoothed_record import SmoothedRecord
@@ -71,6 +73,7 @@ from teleop.evaluation.batch.thresholds import (
     FEWEST_FIT_SAMPLES,
     FRICTION_RESIDUAL,
     LEAST_R2_FOR_RELAXATION,
+    LEAST_SPEED_CHANGE,
     LOADING_BAND,
     MISFIT_BANDS,
     MISFIT_NOISE,
@@ -109,6 +112,11 @@ class LocalStiffness:
     """Frequency at which b is k''/omega [Hz]; NaN if relaxing parts may cause part of the loss."""
     loading: LoadingTangent | None = None
     """Slope of the measured force in loading, if the damping depends on depth."""
+    loss_force: float | None = None
+    """Force of friction and damping together [N], if the speed hardly changes, so that they cannot
+    be separated; None if the speed changes."""
+    lag: ForceLag | None = None
+    """Lag of the force that describes it at least as well as the relaxing parts of `best`."""
 
     @property
     def is_linear(self) -> bool:
@@ -155,7 +163,8 @@ def local_stiffness(
     k, k_std = averaged(weights, [(one.k, one.k_std) for one in found])
     b, b_std = averaged(weights, [(one.b, one.b_std) for one in found])
     best = min(found, key=lambda one: one.bic)
-    k_std = math.hypot(k_std, misfit_slope(rows, best))
+    lag = lag_instead_of_relaxation(rows, best)
+    k_std = math.hypot(k_std, misfit_slope(rows, best), k - lag.k if lag else 0.0)
     slow = rows.basis[:, 1:] @ best.theta[1 : rows.v_column]
     return LocalStiffness(
         k,
@@ -170,7 +179,25 @@ def local_stiffness(
         has_friction(rows, best),
         math.nan if rows.relaxation else record.frequency,
         loading_tangent(rows, best) if best.part(DEPTH_DAMPING) else None,
+        inseparable_loss(rows, best),
+        lag,
     )
+
+
+def inseparable_loss(rows: RegressionRows, best: Candidate) -> float | None:
+    """Return the force of friction and damping together [N]; None if the speed separates them.
+
+    At a constant speed, both are constant forces against the motion. Only the reversals then
+    separate them, where the friction builds up, and the form of this is not known.
+    """
+    speed = np.abs(rows.record.v[rows.index])
+    path = max(float(speed.sum()), 1e-300)  # the slow samples of the reversals have little weight
+    mean = float(speed @ speed) / path
+    spread = math.sqrt(max(float((speed**2) @ speed) / path - mean**2, 0.0))
+    if spread > LEAST_SPEED_CHANGE * mean:
+        return None
+    friction = best.part(FRICTION)
+    return (friction.values[0].value if friction else 0.0) + best.b * mean
 
 
 def loading_tangent(rows: RegressionRows, best: Candidate) -> LoadingTangent | None:

@@ -19,17 +19,20 @@ computed from the integral equation
 
 with K(u) = int_0^inf (1 - L(m)) cos(m u) dm. L(m) is the compliance of the layer divided by the
 compliance of a half-space, for a pressure that is sinusoidal over the surface with the wave number
-m / h. For a sphere or a cone, the same kappa, with the contact radius a, is an approximation.
+m / h. On a layer, a sphere or a cone has a larger contact radius at the same depth than on a
+half-space. With the right side d - c t^p instead of 1 (sphere: c = a^2 / R and p = 2; cone:
+c = (pi / 2) a cot(alpha) and p = 1), the pressure is finite at the edge of the contact if
+phi(1) = 0. This gives the depth d and the force 2 a E* int_0^1 phi dt for each contact radius a.
 
 For a flat punch, E is computed from the tangent stiffness. For a sphere or a cone, the law of the
 contact is fitted to the samples:
 
-    f = f0 + E* g(d) + c g(d) v,    d = max(x - x0, 0),    g(d) = int_0^d 2 a(s) kappa(s) ds
+    f = f0 + E* g(d) + c g(d) v,    d = max(x - x0, 0)
 
-f0 is the force out of contact, x0 is the contact point, v is the speed, and c is the damping, which
-grows with the depth as in the model of Hunt and Crossley. The tangent stiffness is not used,
-because damping that grows with depth, and the curvature of the law, change it, and because its
-depth has the error of a contact point that was found without the law.
+g(d) is the force for E* = 1. f0 is the force out of contact, x0 is the contact point, v is the
+speed, and c is the damping, which grows with the depth as in the model of Hunt and Crossley. The
+tangent stiffness is not used, because damping that grows with depth, and the curvature of the law,
+change it, and because its depth has the error of a contact point that was found without the law.
 
 References
 ----------
@@ -47,6 +50,7 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 from scipy.optimize import minimize_scalar
 
 from estimation.arrays import Floats
@@ -58,6 +62,10 @@ from teleop.evaluation.batch.analysis import Analysis
 from teleop.evaluation.batch.stiffness_result import StiffnessResult
 
 IndenterName = Literal["flat", "sphere", "cone"]
+
+LAYER_RADII = 25
+"""Number of contact radii at which the force on a layer is computed. Between them, it is
+interpolated."""
 
 FEWEST_LAW_SAMPLES = 20
 """Smallest number of samples to which the law of the contact is fitted."""
@@ -101,12 +109,14 @@ class Indenter:
         return 2.0 / math.pi * math.tan(self.angle) * max(depth, 0.0)
 
 
-def hayes_factor(aspect: float, poisson: float, nodes: int = 48) -> float:
-    """Return Hayes' factor: the stiffness of a layer divided by the stiffness of a half-space.
+def layer_equation(
+    aspect: float, poisson: float, nodes: int
+) -> tuple[Floats, Floats, Floats, Floats]:
+    """Return nodes and weights in (0, 1), and the equation of the contact with a layer.
 
-    The layer is bonded to a rigid base, and a flat punch presses on it. The half-space is of the
-    same material. The factor is larger than 1. `aspect` is the contact radius divided by the
-    thickness. The integral equation is solved at `nodes` nodes of the Gauss-Legendre quadrature.
+    The equation has the values of phi at the nodes as its unknowns. Its matrix has the shape
+    (`nodes`, `nodes`). The last array is the row with which phi(1) is computed from phi at the
+    nodes. `aspect` is the contact radius divided by the thickness.
     """
     kolosov = 3.0 - 4.0 * poisson
     m = np.linspace(0.0, 30.0, 3001)
@@ -118,11 +128,38 @@ def hayes_factor(aspect: float, poisson: float, nodes: int = 48) -> float:
     s, weights = 0.5 * (s + 1.0), 0.5 * weights
     # The kernel is the integral of rest(m) (cos(m (s - t)) + cos(m (s + t))), by the trapezoidal
     # rule, and cos(a - b) + cos(a + b) = 2 cos(a) cos(b).
-    cosines = np.cos(aspect * s[:, None] * m)
+    cosines = np.cos(aspect * np.append(s, 1.0)[:, None] * m)
     rest[[0, -1]] *= 0.5
-    both = 2.0 * (m[1] - m[0]) * (cosines * rest) @ cosines.T
-    phi = np.linalg.solve(np.eye(nodes) - aspect / math.pi * both * weights, np.ones(nodes))
-    return float(weights @ phi)
+    both = 2.0 * (m[1] - m[0]) * (cosines * rest) @ cosines[:-1].T
+    kernel = aspect / math.pi * both * weights
+    return s, weights, np.eye(nodes) - kernel[:-1], kernel[-1]
+
+
+def hayes_factor(aspect: float, poisson: float, nodes: int = 48) -> float:
+    """Return Hayes' factor: the stiffness of a layer divided by the stiffness of a half-space.
+
+    The layer is bonded to a rigid base, and a flat punch presses on it. The half-space is of the
+    same material. The factor is larger than 1. `aspect` is the contact radius divided by the
+    thickness. The integral equation is solved at `nodes` nodes of the Gauss-Legendre quadrature.
+    """
+    _, weights, matrix, _ = layer_equation(aspect, poisson, nodes)
+    return float(weights @ np.linalg.solve(matrix, np.ones(nodes)))
+
+
+def layer_contact(
+    aspect: float, poisson: float, power: int, nodes: int = 48
+) -> tuple[float, float]:
+    """Return depth and force of a sphere or a cone on a layer, relative to those on a half-space.
+
+    The contact radius is the same on the layer and on the half-space. `aspect` is this radius
+    divided by the thickness. The profile of the tip is proportional to the radius to the power
+    `power`: 2 for a sphere, 1 for a cone.
+    """
+    s, weights, matrix, last = layer_equation(aspect, poisson, nodes)
+    flat, tip = np.linalg.solve(matrix, np.column_stack([np.ones(nodes), s**power])).T
+    depth = (1.0 + last @ tip) / (1.0 + last @ flat)
+    force = weights @ (depth * flat - tip)
+    return float(depth), float(force) * (1.0 + power) / power
 
 
 def elastic_modulus(
@@ -143,18 +180,22 @@ def elastic_modulus(
     else:
         law = fit_contact_law(analysis, indenter, stated)
         found, depth = law.modulus, law.depth
-        a = indenter.contact_radius(depth)
+        a = contact_radius_at(indenter, depth)
     factor = 1.0
     method = {"flat": "Sneddon", "sphere": "Hertz", "cone": "Sneddon"}[indenter.shape]
     method = f"{method}, {indenter.shape}, contact radius {a * 1e3:.3g} mm"
     if indenter.shape != "flat":
         method += " at the largest depth"
-    if indenter.thickness is not None:
-        factor = hayes_factor(a / indenter.thickness, indenter.poisson)
-        approximate = "" if indenter.shape == "flat" else ", approximate for this shape"
-        method += f", Hayes' factor {factor:.3g}{approximate}"
-    else:
+    if indenter.thickness is None:
         method += ", half-space"
+    elif indenter.shape == "flat":
+        factor = hayes_factor(a / indenter.thickness, indenter.poisson)
+        method += f", Hayes' factor {factor:.3g}"
+    else:
+        plain = force_law(replace(indenter, thickness=None), depth)
+        at = np.array([depth])
+        factor = float(force_law(indenter, depth)(at)[0] / plain(at)[0])
+        method += f", Hayes' layer: {factor:.3g} times the force of a half-space"
     document = {
         "modulus_pa": found.value,
         "modulus_low_pa": found.low,
@@ -296,19 +337,49 @@ def force_law(indenter: Indenter, deepest: float) -> Callable[[Floats], Floats]:
         else:
             each, power = indenter.contact_radius(1.0), 2.0
         return lambda depth: np.asarray(each * depth**power)
-    # 2 a(s) kappa is proportional to s^(power - 1) apart from the slowly varying kappa. Its mean
-    # over the depth is interpolated.
-    nodes, weights = np.polynomial.legendre.leggauss(12)
-    shares = 0.5 * (nodes + 1.0)
-    depths = deepest * np.linspace(0.0, 1.0, 13) ** 2  # closer near 0, where kappa changes fastest
-    radii = np.array([indenter.contact_radius(one) for one in depths])
-    kappa = np.array([hayes_factor(a / indenter.thickness, indenter.poisson) for a in radii])
-    a = np.array([[indenter.contact_radius(one * s) for s in shares] for one in depths])
-    inner = np.interp(a, radii, kappa)
-    force = depths * ((a * inner) @ weights)
-    half_space = replace(indenter, thickness=None)
-    plain = force_law(half_space, deepest)
-    ratio = force[1:] / plain(depths[1:])
-    ratio = np.concatenate([[1.0], ratio])
-    roots = np.sqrt(depths)
-    return lambda depth: np.asarray(plain(depth) * np.interp(np.sqrt(depth), roots, ratio))
+    # The ratio to the force of a half-space is a smooth function of the root of the depth.
+    depths, _, ratio = layer_table(indenter, deepest)
+    plain = force_law(replace(indenter, thickness=None), deepest)
+    smooth = CubicSpline(np.sqrt(depths), ratio)
+    return lambda depth: np.asarray(plain(depth) * smooth(np.sqrt(depth)))
+
+
+def layer_table(indenter: Indenter, deepest: float) -> tuple[Floats, Floats, Floats]:
+    """Return depths [m] in a layer, the contact radii there [m], and the ratios of the force.
+
+    The ratio is that of the force on the layer to the force on a half-space at the same depth. The
+    largest depth is at least `deepest`.
+    """
+    assert indenter.thickness is not None
+    power = 2 if indenter.shape == "sphere" else 1
+    # on a thin layer, the contact radius at the same depth is up to 2.3 times as large
+    largest = 2.5 * indenter.contact_radius(deepest)
+    radii = largest * np.linspace(0.0, 1.0, LAYER_RADII)[1:]
+    on_half_space = half_space_depth(indenter, radii)
+    depth, force = np.array(
+        [layer_contact(a / indenter.thickness, indenter.poisson, power) for a in radii]
+    ).T
+    # at the same depth, the force on a half-space has the power (1 + power) / power of the depth
+    ratio = force / depth ** ((1.0 + power) / power)
+    start = np.zeros(1)
+    return (
+        np.concatenate([start, depth * on_half_space]),
+        np.concatenate([start, radii]),
+        np.concatenate([start + 1.0, ratio]),
+    )
+
+
+def half_space_depth(indenter: Indenter, radii: Floats) -> Floats:
+    """Return the depth at which a sphere or a cone has each contact radius on a half-space [m]."""
+    if indenter.shape == "sphere":
+        assert indenter.radius is not None
+        return np.asarray(radii**2 / indenter.radius)
+    return np.asarray(radii / indenter.contact_radius(1.0))
+
+
+def contact_radius_at(indenter: Indenter, depth: float) -> float:
+    """Return the contact radius of a sphere or a cone at a depth, on a layer or half-space [m]."""
+    if indenter.thickness is None:
+        return indenter.contact_radius(depth)
+    depths, radii, _ = layer_table(indenter, depth)
+    return float(CubicSpline(np.sqrt(depths), radii)(math.sqrt(depth)))

@@ -5,9 +5,9 @@ A model with a baseline and a polynomial in the position can then describe the f
 slope. In a single cycle, the surface hardly moves. Therefore the slope of the force in each cycle
 is computed at the stated force, in loading, from the model f = P(x) + (b + c x) v + d t with a
 polynomial P of degree 3. Such a polynomial describes neither the slopes of two layers nor a
-relaxation that is faster than the cycle. Therefore P has the knot of the model of the record, and
-the relaxing parts of this model are subtracted from the force before the fit. Their slope in
-loading is added to that of P.
+relaxation that is faster than the cycle, nor the force of a mass. Therefore P has the knot of the
+model of the record, and the relaxing parts and the force of the mass of this model are subtracted
+from the force before the fit. The slope of the relaxing parts in loading is added to that of P.
 """
 
 from __future__ import annotations
@@ -85,6 +85,7 @@ def slopes_of_cycles(
     """
     begins = [phase.start for phase in phases.phases if phase.name == "loading"]
     relaxing = np.broadcast_to(best.relaxing_force, record.x.shape)
+    elastic_force = best.force_without_mass(record) - relaxing
     layers = best.part(KNOT)
     knot = layers.values[0].value if layers else math.inf
     # the force at the knot is smoothed as the record is
@@ -96,7 +97,7 @@ def slopes_of_cycles(
             continue
         moving = np.abs(record.v[part]) > MOVING * float(np.abs(record.v[part]).max())
         part = part[:: max(1, int(np.count_nonzero(moving)) // SLOPE_SAMPLES)]
-        x, v, f = record.x[part], record.v[part], record.f[part] - relaxing[part]
+        x, v, f = record.x[part], record.v[part], elastic_force[part]
         travel, speed = float(np.ptp(x)), float(np.abs(v).max())
         if travel == 0.0 or speed == 0.0:
             continue

@@ -353,8 +353,8 @@ def remarks(
         and (changed or (not slight and plain.rms > BETTER_RESIDUAL * best.rms))
         and best.bic < plain.bic - BETTER_BIC
     ):
-        what = phrases(best, surface(record, phases, local), record.sinusoidal)
-        if best.times:
+        what = phrases(local, surface(record, phases, local), record.sinusoidal)
+        if best.times and not local.lag:
             times = ", ".join(f"{tau:.2g} s" for tau in reported_times(best.times))
             similar = (
                 ""
@@ -408,8 +408,20 @@ def no_damping(
     """
     if float(np.std(v)) < CONSTANT_SPEED * float(np.mean(np.abs(v))):
         return Reason("the speed in contact is constant: damping is not determined")
+    if local.loss_force is not None and local.best.part(FRICTION):
+        return Reason(
+            "the speed in contact hardly changes, so that damping and friction in the specimen are "
+            "one force: damping is not determined"
+        )
     if drift:
         return Reason(f"{drift.text}: damping is not determined")
+    if local.lag:
+        more = " besides the compensated lag" if transmission.force_lag else ""
+        return Reason(
+            f"the force lags behind the position by about {local.lag.seconds * 1e3:.2g} ms{more}, "
+            "which describes it better than a relaxation: damping is not determined",
+            LAG,
+        )
     if local.b + half_b < 0.0:
         if local.best.times:
             return Reason(

@@ -28,7 +28,13 @@ from estimation.coherent_band import CoherentBand, block_means, coherent_band
 from estimation.filters import Lag
 from estimation.smoothing import kernel_width, slope, smooth, smooth_pieces
 from estimation.transmission import RIGID, TransmissionCalibration
-from teleop.evaluation.batch.strokes import combined, cycle_frequency, stroke_band, turning_points
+from teleop.evaluation.batch.strokes import (
+    combined,
+    cycle_frequency,
+    is_sweep,
+    stroke_band,
+    turning_points,
+)
 from teleop.evaluation.batch.thresholds import FEWEST_IN_PIECE, SINE_SHARE, SMOOTHING_CORNER
 from teleop.evaluation.reading.signals import Signals, repeated_rounding, smallest_step
 
@@ -198,29 +204,38 @@ class SmoothedRecord:
 
     @cached_property
     def fundamental_share(self) -> float:
-        """Share of the fundamental frequency in the power of the velocity, from 0 to 1.
+        """Share of the fundamental frequency in the power of the motion, from 0 to 1.
 
         The share is 1 for a sinusoidal motion. The fundamental frequency f1 is the frequency at
-        which the spectrum of the velocity has its maximum. The share is the power of the velocity
-        near f1 (from 0.5 f1 to 1.5 f1), divided by the power from 0 to 10 f1. The share is smaller
-        if the motion is a triangle wave, or if it contains holds or tremor of the hand. Single
-        outliers of the position are removed before. The share is NaN if the motion has fewer than
-        about `FEWEST_CYCLES` cycles.
+        which the spectrum of the velocity has its maximum. The share is the power near f1 (from
+        0.5 f1 to 1.5 f1), divided by the power from 0 to 10 f1. It is computed from the velocity
+        and from the position, and the smaller one is used. The share of the velocity is smaller if
+        the motion is a triangle wave, or if it contains holds or tremor of the hand. The share of
+        the position is smaller if the motion contains lower frequencies, such as a multisine or a
+        random motion, whose velocity is mainly at the highest frequencies. Single outliers of the
+        position are removed before. The share is NaN if the motion has fewer than about
+        `FEWEST_CYCLES` cycles.
         """
         x = median_filter(self.raw_x, OUTLIERS, mode="nearest")
         x = without_baseline(x, self.order)
         if len(turning_points(x, float(np.std(x)))) - 2 < 2 * FEWEST_CYCLES - 1:
             return math.nan
-        pieces = np.split(x, self.starts[1:])
-        v = np.concatenate([np.gradient(piece, self.period) for piece in pieces])
-        power = np.abs(np.fft.rfft((v - v.mean()) * np.hanning(len(v)))[1:]) ** 2
-        ratio = np.arange(1, len(power) + 1) / (1 + np.argmax(power))
-        return float(power[(ratio > 0.5) & (ratio < 1.5)].sum() / power[ratio < 10.0].sum())
+        window = np.hanning(len(x))
+        of_v, of_x = (
+            np.abs(np.fft.rfft((y - y.mean()) * window)[1:]) ** 2 for y in (self.derivative(x), x)
+        )
+        ratio = np.arange(1, len(of_v) + 1) / (1 + np.argmax(of_v))
+        near, counted = (ratio > 0.5) & (ratio < 1.5), ratio < 10.0
+        return min(float(power[near].sum() / power[counted].sum()) for power in (of_v, of_x))
 
-    @property
+    @cached_property
     def sinusoidal(self) -> bool:
-        """Whether the motion counts as a sine: `fundamental_share` is larger than `SINE_SHARE`."""
-        return self.fundamental_share > SINE_SHARE
+        """Whether the motion counts as a sine.
+
+        It does if `fundamental_share` is larger than `SINE_SHARE`, and the frequency of the cycles
+        is nearly constant.
+        """
+        return self.fundamental_share > SINE_SHARE and not is_sweep(self.palpation)
 
     @cached_property
     def frequency(self) -> float:
@@ -247,6 +262,14 @@ class SmoothedRecord:
         two gaps is smoothed separately.
         """
         return smooth_pieces(values, self.starts, self.width / self.period)
+
+    def derivative(self, values: Floats) -> Floats:
+        """Return the time derivative of a smoothed signal, shape (n,).
+
+        Each piece between two gaps is differentiated separately.
+        """
+        pieces = np.split(values, self.starts[1:])
+        return np.concatenate([np.gradient(piece, self.period) for piece in pieces])
 
     def sharpened(self, values: Floats) -> Floats:
         """Restore the height of the peaks of a smoothed signal, and return the signal, shape (n,).

@@ -262,7 +262,8 @@ def stiffness_result(
         half = math.hypot(lock_in.loss_half / omega, correction)
         if half < half_b:
             local, half_b = replace(local, b=lock_in.loss / omega), half
-    cycles = cycles_of(record, phases)
+    # the force of a mass changes the slopes of cycles of different frequencies
+    cycles = cycles_of(replace(record, f=local.best.force_without_mass(record)), phases)
     change = change_over_cycles(cycles)
     drift = drift_of_lag(cycles)
     where = measured_point(record, phases, local, half_k)
@@ -307,11 +308,18 @@ def stiffness_result(
     elif half_b > abs(local.b):
         unusable = Reason(DAMPING_NOT_RESOLVED)
         found.append(unusable)
+    elif local.loss_force is not None:
+        found.append(
+            Reason(
+                "the speed in contact hardly changes: friction in the specimen would have the same "
+                f"effect as damping, and both together are {local.loss_force:.3g} N"
+            )
+        )
     by_lag = 1e-3 * local.k  # decrease of b for each millisecond
     if not unknown and not record.force_lag and by_lag > NOTABLE_LAG * abs(local.b):
         remark = Reason(
             f"a lag of the force is not known: each millisecond of it makes b smaller by "
-            f"{DAMPING.text(by_lag, '.3g')}",
+            f"{DAMPING.text(by_lag, '.3g')}; a lag of the position makes b larger by as much",
             LAG,
         )
         found.append(remark)
@@ -349,7 +357,7 @@ def stiffness_result(
         depth=depth,
         secant=secant,
         secant_change=secant_change,
-        times=reported_times(local.best.times),
+        times=() if local.lag else reported_times(local.best.times),
         depth_error=0.5 * (point.high - point.low) if point else 0.0,
         depth_from=depth_from,
         b_reason=unusable.text if unusable else "",

@@ -24,6 +24,7 @@ from estimation.arrays import Floats
 from estimation.coherent_band import COHERENT, CoherentBand, block_means
 from teleop.evaluation.batch.thresholds import (
     FEWEST_INNER_STROKES,
+    FREQUENCY_CHANGE,
     LARGEST_BACKWARD_MOTION,
     LEAST_FOLLOWED_SLOPE,
     LEAST_RISE_OF_FORCE,
@@ -55,20 +56,41 @@ def cycle_frequency(x: Floats, period: float) -> float | None:
     longer than the typical cycle contains a rest, and is not used. If there is only one cycle, a
     rest in it is not detected. The result is None if the motion has fewer than two inward strokes.
     """
-    turns = turning_points(x, least_stroke(x))[1:-1]
-    inward = [(start, end) for start, end in pairwise(turns) if x[end] > x[start]]
-    if not inward:
-        return None
-    least = LEAST_WHOLE_STROKE * float(np.median([x[end] - x[start] for start, end in inward]))
-    middles = [middle_of_stroke(x, *one) for one in inward if x[one[1]] - x[one[0]] > least]
-    if len(middles) > FEWEST_INNER_STROKES:
-        middles = middles[1:-1]
-    cycles = np.diff(middles)
+    cycles = cycle_lengths(x)
     if not len(cycles):
         return None
     typical = float(np.percentile(cycles, 50.0, method="lower"))
     regular = cycles[np.abs(cycles - typical) < REGULAR_CYCLE * typical]
     return 1.0 / (float(np.mean(regular)) * period)
+
+
+def cycle_lengths(x: Floats) -> Floats:
+    """Return the lengths of the cycles of a motion [samples], shape (n,).
+
+    A cycle lasts from the middle of one inward stroke to the middle of the next.
+    """
+    turns = turning_points(x, least_stroke(x))[1:-1]
+    inward = [(start, end) for start, end in pairwise(turns) if x[end] > x[start]]
+    if not inward:
+        return np.zeros(0)
+    least = LEAST_WHOLE_STROKE * float(np.median([x[end] - x[start] for start, end in inward]))
+    middles = [middle_of_stroke(x, *one) for one in inward if x[one[1]] - x[one[0]] > least]
+    if len(middles) > FEWEST_INNER_STROKES:
+        middles = middles[1:-1]
+    return np.diff(middles)
+
+
+def is_sweep(x: Floats) -> bool:
+    """Return whether the frequency of a motion varies strongly, as in a chirp.
+
+    It does if the quartiles of the lengths of its cycles differ by more than the factor
+    `FREQUENCY_CHANGE`.
+    """
+    cycles = cycle_lengths(x)
+    if not len(cycles):
+        return False
+    short, long = np.percentile(cycles, [25.0, 75.0])
+    return bool(long > FREQUENCY_CHANGE * short)
 
 
 def middle_of_stroke(x: Floats, start: int, end: int) -> float:

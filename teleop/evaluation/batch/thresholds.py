@@ -173,6 +173,9 @@ LEAST_LEVEL_WIDTH = 0.015
 """Smallest value of `level_width`, as a fraction of the force range."""
 LEVEL_WIDTH_NOISE = 6.0
 """Smallest value of `level_width`, in standard deviations of the noise of the smoothed force."""
+MOST_LEVEL_WIDTHS = 2.0
+"""Largest range of a force that counts as constant (percentiles 5 to 95), in `level_width`. The
+noise of the smoothed force has a range of about half of `level_width`."""
 LEAST_TURN = 0.05
 """Smallest reversal of the motion that separates loading from unloading, as a fraction of the
 travel."""
@@ -270,6 +273,9 @@ less than 0.3 of it; a gap before the specimen that looks like friction leaves 0
 FRICTION_FORM_ERROR = 0.05
 """Standard deviation of the force of the friction, as a fraction of it, because its form is not
 known: Dahl's model gives 7 % more than the force of an elastoplastic element."""
+LEAST_SPEED_CHANGE = 0.15
+"""Smallest standard deviation of the speed over the path, relative to its mean, with which friction
+and damping are separated. It is 0.28 in a sine, and below 0.1 in a triangle wave."""
 LEAST_SLIP_NOISE = 4.0
 """Smallest slip, in standard deviations of the noise of the smoothed position."""
 NOTABLE_STIFFENING = 0.05

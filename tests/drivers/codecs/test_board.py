@@ -92,8 +92,8 @@ def test_short_and_damaged_frames_are_counted_by_reason():
 
 
 def test_of_another_version_only_the_version_is_decoded():
-    body = struct.pack("<BHIB", codec.IDENTITY, 7, 99, 2) + b"anything at all"
-    assert MessageReader().feed(sealed(body)) == [Identity(7, 99, 2)]
+    body = struct.pack("<BHIB", codec.IDENTITY, 7, 99, 3) + b"anything at all"
+    assert MessageReader().feed(sealed(body)) == [Identity(7, 99, 3)]
 
 
 @pytest.mark.parametrize(

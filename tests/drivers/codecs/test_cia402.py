@@ -117,3 +117,21 @@ def test_every_emergency_has_a_text_and_its_end_has_none(code, register, more):
 )
 def test_an_emergency_is_reported_by_its_code_or_its_group(code, words):
     assert cia402.emergency(EMCY_STRUCT.pack(code, 0, bytes(5))).startswith(words)
+
+
+@pytest.mark.parametrize(
+    ("mode", "data"),
+    [("csv", "0f 00 e8 03 00 00"), ("csp", "0f 00 e8 03 00 00"), ("cst", "0f 00 e8 03")],
+)
+def test_the_target_torque_has_two_bytes(mode, data):
+    found = cia402.command(Control.ENABLE_OPERATION, 1000, mode)
+    assert found == bytes.fromhex(data)
+
+
+def test_targets_are_in_the_units_of_the_drive():
+    assert UNITS.target_position(-5e-3) == -10_000
+    assert UNITS.newtons == pytest.approx(1e-3 * 0.5 * 2.0 * math.pi / 5e-3)
+    assert UNITS.target_torque(100.0 * UNITS.newtons, 2000) == 100
+    assert UNITS.target_torque(-1e6, 2000) == -2000
+    milli = Units(10_000, 5e-3, "milli_rpm")
+    assert milli.target(5e-3) == 60_000  # a turn per second

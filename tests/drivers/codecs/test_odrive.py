@@ -78,6 +78,20 @@ def test_sets_a_velocity(firmware: Firmware, velocity: float) -> None:
 
 
 @firmwares
+@given(torque=floats)
+def test_sets_a_torque(firmware: Firmware, torque: float) -> None:
+    data = codec.set_input_torque(torque)
+    assert decoded(firmware, "Set_Input_Torque", data) == {"Input_Torque": torque}
+
+
+@firmwares
+def test_the_control_modes_are_those_of_the_dbc(firmware: Firmware) -> None:
+    modes = choices(vendor_dbc(firmware), "Set_Controller_Mode", "Control_Mode")
+    assert modes[codec.TORQUE_CONTROL] == "TORQUE_CONTROL"
+    assert modes[codec.VELOCITY_CONTROL] == "VELOCITY_CONTROL"
+
+
+@firmwares
 @given(velocity=floats, current=floats)
 def test_sets_limits(firmware: Firmware, velocity: float, current: float) -> None:
     data = codec.set_limits(velocity, current)

@@ -10,13 +10,15 @@ import random
 import re
 import shutil
 import subprocess
+from collections import Counter
 from pathlib import Path
 
 import pytest
+from pydantic import ValidationError
 
 from drivers import RigError
 from drivers.codecs import board as codec
-from drivers.device import NO_SAMPLE
+from drivers.device import NO_SAMPLE, ForceDrive, VelocityDrive
 from drivers.devices.board import Board
 from drivers.devices.board_settings import BoardSettings
 from drivers.framing import cobs
@@ -63,6 +65,10 @@ class Bench(Mount):
         self.axes[name] = velocity
         self.driven.add(name)
 
+    def push(self, name, force):
+        self.axes[name] = force
+        self.driven.add(name)
+
     def brake(self, name):
         self.axes[name] = None
 
@@ -76,6 +82,7 @@ class Identification(ctypes.Structure):
         ("axes", ctypes.c_uint8),
         ("analogues", ctypes.c_uint8),
         ("max_sample_rate_hz", ctypes.c_uint16),
+        ("force_axes", ctypes.c_uint8),
     ]
 
 
@@ -95,6 +102,7 @@ class FirmwareState(ctypes.Structure):
     _fields_ = [
         ("enabled", ctypes.c_bool * 2),
         ("velocity", ctypes.c_int32 * 2),
+        ("force", ctypes.c_int32 * 2),
         ("rest", ctypes.c_uint64 * 64),
     ]
 
@@ -118,7 +126,9 @@ class FirmwareBoard:
         self.started = now
         s = self.settings
         numbers = [len(getattr(s, key)) for key in FULL]
-        identification = Identification((1, 0), self.boot, *numbers, 4000)
+        numbers[2] = s.axes
+        forces = sum(1 << i for i, scale in enumerate(s.axis_force_n_per_count) if scale)
+        identification = Identification((1, 0), self.boot, *numbers, 4000, forces)
         self.library.teleop_board_init(ctypes.byref(self.state), ctypes.byref(identification))
         self._move()
 
@@ -152,8 +162,10 @@ class FirmwareBoard:
         return ctypes.c_uint32(round((now - self.started) * 1e6) & 0xFFFFFFFF)
 
     def _move(self):
-        for i in range(len(self.settings.velocity_um_per_s_per_count)):
-            if self.state.enabled[i]:
+        for i in range(self.settings.axes):
+            if self.state.enabled[i] and (scale := self.settings.force_scale(i)):
+                self.mount.push(f"axis_{i}", self.state.force[i] * scale)
+            elif self.state.enabled[i]:
                 self.mount.drive(f"axis_{i}", self.state.velocity[i] * 1e-6)
             else:
                 self.mount.brake(f"axis_{i}")
@@ -688,9 +700,96 @@ def test_the_driver_survives_any_bytes(wire):
 def test_a_board_of_another_version_is_refused():
     driver = Board("board", settings())
     board = EmulatedBoard("board", settings(), Bench())
-    board.version = 2
+    board.version = 3
     with pytest.raises(RigError) as refused:
         driver.start(Wire(driver, board))
     assert str(refused.value) == (
-        "board: board on here: protocol version 2, expected 1: see docs/serial-protocol.md"
+        "board: board on here: protocol version 3, expected 1 or 2: see docs/serial-protocol.md"
     )
+
+
+# ---- axes that accept forces ----
+
+PADDLE = settings(axis_force_n_per_count=(0.0, 1e-3))
+"""Axis 0 accepts velocities, axis 1 forces."""
+
+
+def test_an_axis_that_accepts_forces_is_a_force_drive_and_exerts_the_force(make, bench):
+    wire = make(PADDLE)
+    driver = wire.driver
+    driver.start(wire)
+    assert driver.identity.version == 2
+    assert driver.identity.force_axes == 2
+    assert isinstance(driver.drives["axis_0"], VelocityDrive)
+    assert isinstance(driver.drives["axis_1"], ForceDrive)
+    assert wire.enable("axis_0", "axis_1")
+    assert bench.axes == {"axis_0": 0.0, "axis_1": 0.0}
+    assert driver.drives["axis_0"].command(0.02) == pytest.approx(0.02)
+    assert driver.drives["axis_1"].command(-1.23456) == pytest.approx(-1.235)
+    wire.run(2)
+    assert bench.axes == pytest.approx({"axis_0": 0.02, "axis_1": -1.235})
+
+
+def test_without_commands_and_after_a_stop_there_is_no_force(make, bench):
+    wire = make(PADDLE)
+    wire.driver.start(wire)
+    drive = wire.driver.drives["axis_1"]
+    assert wire.enable("axis_1")
+    drive.command(2.0)
+    wire.run(2)
+    assert bench.axes["axis_1"] == pytest.approx(2.0)
+    for _ in range(60):
+        wire.step()
+    assert bench.axes["axis_1"] is None
+    assert wire.driver.error == WATCHDOG
+    assert wire.wait_for(drive.idle, 0.1)
+    assert wire.enable("axis_1")
+    wire.run(2)
+    assert bench.axes["axis_1"] == 0.0
+    drive.command(2.0)
+    wire.run(2)
+    wire.board.emergency_stop = True
+    wire.run(2)
+    assert bench.axes["axis_1"] is None
+
+
+@pytest.mark.parametrize(
+    ("host", "board", "message"),
+    [
+        ({}, PADDLE, "axis_1 accepts forces: expected a scale for it in axis_force_n_per_count"),
+        (
+            {"axis_force_n_per_count": (1e-3, 1e-3)},
+            PADDLE,
+            "axis_0 accepts velocities: expected 0 or no scale for it in axis_force_n_per_count",
+        ),
+        (
+            {"axis_force_n_per_count": (1e-3,)},
+            settings(),
+            "axis_0 accepts velocities: expected 0 or no scale for it in axis_force_n_per_count",
+        ),
+        (
+            {"velocity_um_per_s_per_count": (), "axis_force_n_per_count": (1e-3, 1e-3)},
+            settings(velocity_um_per_s_per_count=(), axis_force_n_per_count=(1e-3,)),
+            "axis_force_n_per_count has 2 entries, expected at most 1",
+        ),
+    ],
+)
+def test_a_host_that_asks_for_another_kind_of_axis_is_refused(make, bench, host, board, message):
+    wire = make(settings(**host), board)
+    with pytest.raises(RigError) as caught:
+        wire.driver.start(wire)
+    assert str(caught.value) == f"board: board on here: {message}"
+    assert not bench.driven
+
+
+def test_an_axis_without_any_scale_is_refused():
+    with pytest.raises(ValidationError, match="axis_1 has no scale: expected one in velocity_um"):
+        settings(velocity_um_per_s_per_count=(1.0,), axis_force_n_per_count=(1e-3, 0.0))
+
+
+def test_a_board_without_such_axes_sends_the_identity_that_earlier_hosts_know(make):
+    wire = make(settings(axis_force_n_per_count=(0.0, 0.0)))
+    (identity,) = wire.board.emit(0.001)
+    body = cobs.CobsReader(64, Counter()).feed(identity)[0]
+    assert len(body) == 18 + 2
+    assert body[7] == 1

@@ -6,7 +6,9 @@ import math
 import struct
 import subprocess
 import sys
+from copy import deepcopy
 from itertools import pairwise
+from pathlib import Path
 
 import can
 import canopen
@@ -17,7 +19,7 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from drivers.codecs.cia402 import DriveState
-from drivers.device import NO_SAMPLE
+from drivers.device import NO_SAMPLE, ForceDrive, PositionDrive, VelocityDrive
 from drivers.devices.cia402 import Cia402
 from drivers.devices.cia402_settings import Cia402Settings
 from drivers.rig import RigError
@@ -51,6 +53,10 @@ class Carriage:
     def drive(self, name, velocity):
         assert name == "axis"
         self.velocity, self.braked = velocity, False
+
+    def push(self, name, force):
+        assert name == "axis"
+        self.force, self.braked = force, False
 
     def brake(self, name):
         assert name == "axis"
@@ -107,6 +113,7 @@ class Bench:
             self.drivers.append(Cia402(f"drive{i}", section))
         self.wire.nodes, self.wire.drivers = self.drives, self.drivers
         self.mount, self.drive, self.driver = self.mounts[0], self.drives[0], self.drivers[0]
+        self.axis = self.driver.drives["axis"]
 
     def start(self):
         for driver in self.drivers:
@@ -164,7 +171,7 @@ def test_an_enabled_drive_follows_the_velocity_from_the_first_tick():
     assert applied == pytest.approx(12.34567e-3, abs=0.25e-6)
 
 
-@pytest.mark.parametrize("unit", ["counts_per_s", "rpm"])
+@pytest.mark.parametrize("unit", ["counts_per_s", "rpm", "milli_rpm"])
 def test_motion_is_reported_in_si_units(unit):
     bench = Bench(settings(velocity_unit=unit)).enable()
     applied = bench.driver.command(20e-3)
@@ -187,6 +194,13 @@ def test_a_velocity_unit_that_cannot_be_set_is_refused():
     bench = Bench(settings(velocity_unit="rpm"))
     bench.drive.objects[0x60A9, 0] = Entry("I", 0x00B50300)
     with pytest.raises(RigError, match=r"drive0: node 5 on can0: writing .* 60A9h:00 is refused"):
+        bench.start()
+
+
+def test_a_read_only_velocity_unit_that_is_known_is_named():
+    bench = Bench(settings(velocity_unit="rpm"))
+    bench.drive.objects[0x60A9, 0] = Entry("I", 0xFDB44700)
+    with pytest.raises(RigError, match=r"60A9h:00 is refused.*: expected velocity_unit milli_rpm"):
         bench.start()
 
 
@@ -494,13 +508,16 @@ def test_another_device_is_refused_in_one_line(at, value, message):
         bench.start()
 
 
-@pytest.mark.parametrize("stated", [None, 0xFB])
-def test_a_drive_whose_torque_has_another_unit_is_refused_before_it_is_set_up(stated):
-    bench = Bench(settings(vendor_id=stated))
-    bench.drive.objects[0x1018, 1].value = 0xFB
+@pytest.mark.parametrize(
+    ("stated", "vendor", "expected"),
+    [("milli_nm", 0xFB, "micro_nm"), ("micro_nm", 0x9A, "milli_nm")],
+)
+def test_a_wrong_unit_of_the_torque_is_refused_before_the_drive_is_set_up(stated, vendor, expected):
+    bench = Bench(settings(rated_torque_unit=stated))
+    bench.drive.objects[0x1018, 1].value = vendor
     before = {at: e.value for at, e in bench.drive.objects.items() if e.writable}
-    expected = r"drive0: node 5 on can0: drive of maxon \(EPOS\), vendor id 0xFB: not supported: "
-    with pytest.raises(RigError, match=expected):
+    message = rf"rated_torque_unit {stated} for a drive .*maxon, vendor id 0x{vendor:X}: .*1000: "
+    with pytest.raises(RigError, match=message + f"expected {expected}"):
         bench.start()
     assert {at: e.value for at, e in bench.drive.objects.items() if e.writable} == before
 
@@ -601,6 +618,152 @@ def test_settings_out_of_bounds_or_unknown_are_refused(wrong):
 def test_only_a_rig_with_such_a_drive_imports_canopen():
     code = "import drivers.devices.cia402, sys; sys.exit('canopen' in sys.modules)"
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+@pytest.mark.parametrize(
+    ("mode", "kind"), [("csv", VelocityDrive), ("csp", PositionDrive), ("cst", ForceDrive)]
+)
+def test_the_mode_chooses_what_the_drive_accepts(mode, kind):
+    bench = Bench(settings(mode=mode)).start()
+    assert isinstance(bench.axis, kind)
+    number = {"csp": 8, "csv": 9, "cst": 10}[mode]
+    assert bench.drive[0x6060, 0] == number
+    bench.drive.objects[0x6502, 0].value = 1 << number - 1 ^ 0x380
+    with pytest.raises(RigError, match=rf"object 6502h:00 .* expected bit {number - 1}, cyclic"):
+        bench.start()
+
+
+NEWTONS = 0.2 * 2e-3 * math.pi / 5e-3
+"""Force of a thousandth of the rated torque of the emulated motor [N]."""
+
+
+def push(bench, force, ticks=1):
+    for _ in range(ticks):
+        bench.tick(writes=False)
+        applied = bench.axis.command(force)
+        bench.driver.transmit()
+    return applied
+
+
+def test_in_the_torque_mode_it_is_enabled_without_force_and_then_exerts_the_commanded_one():
+    bench = Bench(settings(mode="cst")).start()
+    while not bench.axis.enable():
+        push(bench, 20.0)
+        assert not bench.mount.force
+    applied = push(bench, -20.0)
+    assert applied == pytest.approx(-20.0, abs=0.5 * NEWTONS)
+    assert bench.mount.force == pytest.approx(applied)
+    push(bench, 0.0)
+    assert bench.mount.force == 0.0
+
+
+@pytest.mark.parametrize(("most", "limit"), [(None, 2000), (500, 500)])
+def test_a_force_is_limited_to_the_largest_torque_of_the_drive(most, limit):
+    bench = Bench(settings(mode="cst"))
+    if most:
+        bench.drive.objects[0x6072, 0] = Entry("H", most)
+    bench.enable()
+    assert bench.axis.command(1e6) == pytest.approx(limit * NEWTONS)
+    assert bench.axis.command(-1e6) == pytest.approx(-limit * NEWTONS)
+
+
+@pytest.mark.parametrize("rated", [0, None])
+def test_a_drive_without_rated_torque_is_refused_in_the_torque_mode(rated):
+    bench = Bench(settings(mode="cst"))
+    bench.drive.objects[0x6076, 0].value = 0
+    if rated is None:
+        del bench.drive.objects[0x6076, 0]
+    with pytest.raises(RigError, match=r"object 6076h:00 is (0|missing): expected the rated torq"):
+        bench.start()
+
+
+def test_in_the_torque_mode_idle_and_a_lost_controller_switch_the_torque_off():
+    bench = Bench(settings(mode="cst")).enable()
+    assert bench.drive[0x6007, 0] == 2
+    push(bench, 20.0, 5)
+    assert not bench.axis.idle()
+    assert bench.wire.log[-2][1] == bytes(4)
+    assert bench.mount.braked
+    assert bench.wire.wait_for(bench.axis.idle, 0.1)
+    assert bench.arm()
+    push(bench, 20.0, 5)
+    assert not bench.mount.braked
+    bench.tick(150, writes=False)
+    assert bench.mount.braked
+    assert bench.driver.error
+
+
+def test_in_the_position_mode_it_is_enabled_at_its_present_position():
+    bench = Bench(settings(mode="csp"))
+    bench.mount.position = 7e-3
+    bench.start()
+    assert bench.drive[0x607A, 0] == 14_000
+    while not bench.axis.enable():
+        bench.axis.command(0.2)
+        bench.driver.transmit()
+        bench.mount.position += 1e-6
+        bench.tick()
+        assert abs(bench.mount.velocity) < 1e-3
+    assert bench.mount.position == pytest.approx(7e-3, abs=1e-4)
+
+
+def test_in_the_position_mode_it_follows_a_position():
+    bench = Bench(settings(mode="csp")).enable()
+    for i in range(300):
+        applied = bench.axis.command(20e-3 * i * TICK)
+        bench.tick()
+    assert applied == pytest.approx(299 * 20e-6, abs=0.25e-6)
+    assert bench.driver.samples["position"].value == pytest.approx(applied, abs=50e-6)
+    bench.axis.idle()
+    bench.tick(60)
+    assert bench.mount.braked
+
+
+KINDS = {"b": 2, "h": 3, "i": 4, "B": 5, "H": 6, "I": 7}
+"""Data types of CANopen by the format character of the module `struct`."""
+
+
+def epos4_like(bench):
+    """Give the drive exactly the objects of the EDS file."""
+    od = canopen.import_od(str(Path(__file__).with_name("epos4-like.eds")), 5)
+    formats = {number: letter for letter, number in KINDS.items()}
+    objects = {}
+    for index, found in od.items():
+        mapping = index & 0xFE00 in (0x1600, 0x1A00) and index < 0x2000
+        for variable in [found] if isinstance(found, ODVariable) else found.values():
+            for sub in range(variable.subindex, 9 if mapping else variable.subindex + 1):
+                objects[index, sub] = Entry(
+                    formats[variable.data_type],
+                    variable.default or 0,
+                    writable=mapping or "w" in variable.access_type,
+                    mappable=variable.pdo_mappable,
+                )
+    bench.drive.objects.clear()
+    bench.drive.objects.update(objects)
+    bench.drive._power_up = deepcopy(objects)
+    return bench
+
+
+@pytest.mark.parametrize("mode", ["csv", "csp", "cst"])
+def test_a_drive_like_an_epos4_is_set_up_and_its_force_has_the_true_size(mode):
+    bench = Bench(settings(mode=mode, rated_torque_unit="micro_nm", velocity_unit="milli_rpm"))
+    epos4_like(bench).enable()
+    assert bench.drive[0x605A, 0] == 2
+    if mode == "cst":
+        newtons = 0.512871 * 2e-3 * math.pi / 5e-3
+        assert bench.axis.command(100.0) == pytest.approx(100.0, abs=newtons)
+        bench.driver.transmit()
+        assert bench.drive[0x6071, 0] == round(100.0 / newtons)
+    if mode == "csv":
+        assert bench.axis.command(10e-3) == pytest.approx(10e-3, abs=1e-7)
+        bench.driver.transmit()
+        assert bench.drive[0x60FF, 0] == 120_000
+
+
+def test_the_read_only_velocity_unit_of_such_a_drive_is_not_written():
+    bench = epos4_like(Bench(settings(rated_torque_unit="micro_nm")))
+    with pytest.raises(RigError, match="expected velocity_unit milli_rpm, as it is now"):
+        bench.start()
 
 
 class LocalNodeNetwork(canopen.Network):

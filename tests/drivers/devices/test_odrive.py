@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from odrive_can.mock import ODriveCANMock
 from pydantic import ValidationError
 
-from drivers.device import NO_SAMPLE
+from drivers.device import NO_SAMPLE, ForceDrive
 from drivers.devices.odrive import ODrive, ODriveSettings
 from drivers.rig import RigError
 from drivers.transports.can_bus import CanBus
@@ -59,6 +59,10 @@ class Carriage(Mount):
         assert name == "axis"
         self.readings["velocity"] = velocity
         self.braked = False
+
+    def push(self, name: str, force: float) -> None:
+        assert name == "axis"
+        self.readings["force"], self.braked = force, False
 
     def brake(self, name: str) -> None:
         self.drive(name, 0.0)
@@ -337,6 +341,53 @@ def test_an_axis_that_was_reset_does_not_move_on(firmware: str) -> None:
     assert bench.odrive.error.startswith("in state IDLE without an error")
     assert not bench.enable()
     assert bench.velocity == 0.0
+
+
+def pushed(bench: Bench, force: float, ticks: int = 1) -> float:
+    """Command a force in each tick; return the force that the driver states."""
+    applied = 0.0
+    for _ in range(ticks):
+        bench.tick()
+        bench.odrive.update(bench.time)
+        applied = bench.odrive.drives["axis"].command(force)
+        bench.odrive.transmit()
+    bench.tick()
+    return applied
+
+
+@firmwares
+def test_in_torque_control_it_exerts_the_commanded_force(firmware: str) -> None:
+    bench = started(firmware, mode="torque")
+    drive = bench.odrive.drives["axis"]
+    assert isinstance(drive, ForceDrive)
+    while not drive.enable():
+        applied = pushed(bench, 30.0)
+        assert applied == 0.0 or drive.enable()
+        assert bench.carriage.readings["force"] == 0.0 or drive.enable()
+    assert pushed(bench, -30.0) == -30.0
+    assert bench.carriage.readings["force"] == pytest.approx(-30.0, rel=1e-6)
+    assert bench.velocity == 0.0
+
+
+@firmwares
+def test_in_torque_control_a_stop_and_the_watchdog_end_the_force(firmware: str) -> None:
+    bench = started(firmware, mode="torque")
+    drive = bench.odrive.drives["axis"]
+    while not drive.enable():
+        pushed(bench, 0.0)
+    pushed(bench, 30.0, 5)
+    bench.sent.clear()
+    drive.idle()
+    assert {frame.arbitration_id & 0x1F for frame in bench.sent} == {0x0E, 0x07}
+    bench.run(0.05)
+    assert bench.carriage.braked
+    while not drive.enable():
+        pushed(bench, 0.0)
+    pushed(bench, 30.0, 5)
+    assert not bench.carriage.braked
+    bench.run(0.07)
+    assert bench.carriage.braked
+    assert bench.odrive.error == "WATCHDOG_TIMER_EXPIRED"
 
 
 def test_reports_why_closed_loop_control_is_refused() -> None:

@@ -59,7 +59,7 @@ def check_fuzzed(program, seed):
     run = subprocess.run([program, str(FUZZED), str(seed)], capture_output=True, text=True)
     assert run.returncode == 0, run.stderr
     seen = {name: int(number) for name, number in re.findall(r"(\w+) (\d+)", run.stdout)}
-    assert len(seen) == 7
+    assert len(seen) == 8
     assert min(seen.values()) > 100
 
 
@@ -80,7 +80,11 @@ ARDUINO = """
 #include <stdint.h>
 struct { void begin(long) {} int available() { return 0; } uint8_t read() { return 0; }
          int availableForWrite() { return 64; } void write(const uint8_t *, size_t) {} } Serial;
-enum { INPUT_PULLUP, HIGH, LOW, EMERGENCY_STOP_PIN, DRIVE_FAULT_PIN };
+enum { INPUT_PULLUP, OUTPUT, HIGH, LOW, EMERGENCY_STOP_PIN, DRIVE_FAULT_PIN, DIRECTION_PIN,
+       DUTY_PIN, FULL_FORCE_MN = 5000 };
+void digitalWrite(int, int) {}
+void analogWrite(int, int) {}
+void analogWriteFrequency(int, float) {}
 void pinMode(int, int) {}
 int digitalRead(int) { return HIGH; }
 uint32_t micros() { return 0; }
@@ -94,12 +98,13 @@ void MOTOR_VELOCITY(int32_t) {}
 """
 
 
-def test_the_sketch_compiles_against_the_arduino_functions(compiler, tmp_path):
+@pytest.mark.parametrize("name", ["example", "hapkit"])
+def test_the_sketch_compiles_against_the_arduino_functions(compiler, tmp_path, name):
     cpp = shutil.which("c++") or shutil.which("g++")
     if not cpp:
         pytest.skip("no C++ compiler")
     source = tmp_path / "sketch.cpp"
-    source.write_text(ARDUINO + (FIRMWARE / "example.ino").read_text())
+    source.write_text(ARDUINO + (FIRMWARE / f"{name}.ino").read_text())
     strict = ["-std=c++11", "-Wall", "-Wextra", "-Wpedantic", "-Werror", "-fsyntax-only"]
     subprocess.run([cpp, *strict, f"-I{FIRMWARE}", str(source)], check=True)
 
@@ -107,9 +112,12 @@ def test_the_sketch_compiles_against_the_arduino_functions(compiler, tmp_path):
 class Bench:
     """The firmware in another process, connected to the driver by a pseudo-terminal."""
 
-    def __init__(self, program, master, slave):
+    def __init__(self, program, master, slave, force_axes):
         self.process = subprocess.Popen(
-            [program, str(master)], stdin=subprocess.PIPE, pass_fds=[master], bufsize=0
+            [program, str(master), str(force_axes)],
+            stdin=subprocess.PIPE,
+            pass_fds=[master],
+            bufsize=0,
         )
         path = os.ttyname(slave)
         self.port = SerialPort("usb", time.monotonic, path, 115200)
@@ -122,6 +130,7 @@ class Bench:
                 force_n_per_count=(0.01, 0.01),
                 position_um_per_count=(1.0, 1.0),
                 velocity_um_per_s_per_count=(1.0, 1.0),
+                axis_force_n_per_count=(0.0, 1e-3) if force_axes else (),
                 analogue_mv_per_count=(1.0,),
             ),
         )
@@ -146,13 +155,13 @@ class Bench:
 
 
 @pytest.fixture
-def bench(posix_main):
+def bench(posix_main, request):
     pytest.importorskip("tty", reason="no pseudo-terminals here")
     import tty
 
     master, slave = os.openpty()
     tty.setraw(slave)
-    bench = Bench(posix_main, master, slave)
+    bench = Bench(posix_main, master, slave, getattr(request, "param", 0))
     os.close(master)
     try:
         bench.port.open()
@@ -223,3 +232,15 @@ def test_over_a_pseudo_terminal_random_bytes_are_survived(bench):
     assert bench.until(lambda: driver.rejected["by the board"])
     assert bench.enable()
     assert not driver.error
+
+
+@pytest.mark.parametrize("bench", [2], indirect=True)
+def test_over_a_pseudo_terminal_an_axis_accepts_a_force_until_its_watchdog_acts(bench):
+    driver = bench.driver
+    assert driver.identity.force_axes == 2
+    assert bench.enable()
+    driver.drives["axis_1"].command(20.0)  # moves the simulated axis with 20 mm/s
+    assert bench.until(lambda: driver.samples["position_1"].value > 0.002)
+    assert driver.samples["velocity_1"].value == pytest.approx(0.02)
+    assert bench.port.wait_for(lambda: driver.error, SOON)
+    assert bench.port.wait_for(lambda: driver.samples["velocity_1"].value == 0.0, SOON)

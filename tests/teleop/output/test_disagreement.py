@@ -7,14 +7,25 @@ import math
 from teleop.output.estimate_tables import disagreement_lines
 
 
-def summary(*, identifiable=True, **k):
+def summary(*, identifiable=True, b=None, **k):
     result = {"identifiable": identifiable, "k": 500.0, "k_low": 490.0, "k_high": 510.0}
-    return {"result": result, "estimates": {name: {"k": value} for name, value in k.items()}}
+    result |= {"b": 8.0, "b_low": 7.8, "b_reason": ""}
+    row = {"b_end": 8.5 if b is None else b, "b_interval": 3.0}
+    return {"result": result, "estimates": {name: {"k": value, **row} for name, value in k.items()}}
 
 
 def test_estimators_that_differ_from_the_result_are_named():
     (line,) = disagreement_lines(summary(rls=18.1, ai=540.0, me=600.0, kalman=math.nan))
     assert line.startswith("k of rls, me differs by more than 10% from the result")
+
+
+def test_a_damping_that_differs_from_the_result_is_named():
+    assert disagreement_lines(summary(rls=500.0, b=3.9))
+    (line,) = disagreement_lines(summary(rls=500.0, ai=500.0, b=-19.3))
+    assert line.startswith("b of rls, ai differs by more than 50% from the result")
+    unresolved = summary(rls=500.0, b=-19.3)
+    unresolved["result"]["b_reason"] = "damping is not resolved"
+    assert not disagreement_lines(unresolved)
 
 
 def test_nothing_is_stated_where_the_estimates_agree():

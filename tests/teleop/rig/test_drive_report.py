@@ -49,3 +49,14 @@ def test_a_drive_without_motion_or_encoder_has_neither_ratio_nor_remark():
 
 def test_a_problem_replaces_the_remark():
     assert report(lambda length: 0.5 * length, problem="wrong scale").remark == ""
+
+
+def test_a_coupled_axis_that_stays_behind_has_a_remark_on_its_coupling():
+    strokes = [Stroke(0.2e-3, 0.0, 0.0), Stroke(0.4e-3, 0.1e-3, 0.0)]
+    found = drive_report("master", 0.05, strokes, "", coupled=True)
+    assert "a hand that holds it stretches the coupling" in found.remark
+
+
+def test_a_watchdog_that_is_not_reported_is_left_to_a_person():
+    found = drive_report("master", math.nan, [], "", reports_watchdog=False)
+    assert found.remark.startswith("does not report its watchdog: test it by hand")

@@ -74,3 +74,17 @@ def test_a_velocity_channel_that_differs_is_named(velocity):
     problem = travelled(0.4e-3, 0.4e-3, velocity).problem(settled=True)
     assert "slave_velocity shows" in problem
     assert not travelled(0.4e-3, 0.4e-3, 0.4e-3).problem(settled=True)
+
+
+@pytest.mark.parametrize(
+    ("moved", "refused"), [(0.0, False), (0.5, False), (2.0, False), (-1.5, True), (2.8, True)]
+)
+def test_a_coupled_moving_part_may_stay_behind_but_not_move_otherwise(moved, refused):
+    travel = DriveTravel("slave", CHANNELS, 0.0, coupled=True)
+    travel.advance(0.0, measurement(3e-3), 0.1)
+    travel.begin()
+    travel.advance(0.4e-3, measurement(3e-3 + moved * 0.4e-3), 1.0)
+    problem = travel.problem(settled=True)
+    assert bool(problem) == refused
+    if refused:
+        assert problem.endswith(", and that nobody holds the moving part")

@@ -54,7 +54,7 @@ class SteppedRig(WiredRig):
         folder = Path(self._temporary.name)
         self.emulator = Emulator(
             file,
-            lambda now, enabled: make_simulated_rig(settings, now, NEVER),
+            lambda now, enabled: make_simulated_rig(settings, now, NEVER, coupled=False),
             folder,
             faults,
             self.present,

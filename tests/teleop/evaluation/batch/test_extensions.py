@@ -11,6 +11,7 @@ from scipy.optimize import brentq
 
 from teleop.evaluation.batch.analysis import Analysis, analyse, contradiction
 from teleop.evaluation.batch.candidate import DEPTH_DAMPING, FRICTION, KNOT, MASS
+from teleop.evaluation.batch.extension_texts import free_motion, layers
 from teleop.evaluation.batch.kinds import STORAGE, TANGENT
 from teleop.evaluation.reading.signals import Signals, periods
 
@@ -61,6 +62,21 @@ def test_a_soft_layer_on_a_stiff_one_is_reported_with_both_stiffnesses(motion, s
     # half of the force range is in the stiff layer
     assert found.result.k == pytest.approx(4000.0, rel=0.01)
     assert any("the stiffness changes at a depth" in one for one in found.result.reasons)
+
+
+def test_a_knot_before_which_the_force_hardly_increases_is_no_layer():
+    """A polynomial also has a slope on the side of the contact point where the force has none."""
+    x, v, _ = tones()
+    change = float(np.quantile(x, 0.6))
+    f = 400.0 * x + 3600.0 * np.maximum(x - change, 0.0) + 2.0 * v
+    best = analysed(x, f).local.best
+    whole = 400.0 * np.ptp(x) + 3600.0 * (x.max() - change)
+    assert best.share_before_knot == pytest.approx(400.0 * (change - x.min()) / whole, rel=0.05)
+    assert layers(best)
+    assert not free_motion(best)
+    hidden = best._replace(share_before_knot=0.005)
+    assert not layers(hidden)
+    assert free_motion(hidden)
 
 
 def test_a_smooth_transition_between_layers_does_not_bias_the_stiffness():
@@ -244,3 +260,15 @@ def test_there_is_no_storage_stiffness_over_cycles_that_leave_the_body():
     found = analysed(x, np.where(x > 0.0, 700.0 * x + 6.0 * v, 0.0))
     assert found.result.k == pytest.approx(700.0, rel=0.01)
     assert found.complex_stiffness() is None
+
+
+def test_the_mass_in_a_chirp_is_no_change_of_the_stiffness_with_frequency():
+    t = np.arange(0.0, 20.0, 2e-3)
+    phase = 2.0 * math.pi * (0.3 + 0.12 * t) * t
+    v = 3.0 * math.pi * 1e-3 * (0.3 + 0.24 * t) * np.cos(phase)
+    x, a = 4e-3 + 1.5e-3 * np.sin(phase), np.gradient(v, t)
+    f = 700.0 * x + 4.0 * v + 0.2 * a + np.random.default_rng(0).normal(0.0, 0.01, len(t))
+    found = analyse(Signals(t, x, f, periods(t), "position"))
+    assert not found.record.sinusoidal
+    assert found.result.k == pytest.approx(700.0, rel=0.01)
+    assert found.result.parts["mass_kg"]["value"] == pytest.approx(0.2, rel=0.03)

@@ -10,9 +10,10 @@ import pytest
 
 from teleop.cli import main
 from teleop.evaluation.batch.analysis import motion_of
+from teleop.evaluation.batch.contact_phases import find_phases
 from teleop.evaluation.batch.smoothed_record import smoothed_signals
 from teleop.evaluation.evaluate import evaluate
-from teleop.evaluation.reading.signals import Signals
+from teleop.evaluation.reading.signals import Signals, periods
 from teleop.evaluation.settings import EstimateSettings
 from teleop.output.fit_figures import fit_figure
 
@@ -118,3 +119,20 @@ def test_a_ramp_has_a_travel_and_no_frequency():
 def test_the_result_states_the_motion(path, capsys):
     assert main(["estimate", path, "--details"]) == 0
     assert "motion: 1 Hz, amplitude 3 mm (half of a stroke), travel 6 mm" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("beyond", [-2.5e-3, 2.5e-3])
+@pytest.mark.parametrize("gap", [False, True])
+def test_one_larger_stroke_in_contact_is_neither_free_motion_nor_saturation(beyond, gap):
+    """Beyond the other strokes, the force is outside of the usual range, but not constant."""
+    t = np.arange(0.0, 20.0, 5e-3)
+    x = 1e-3 * np.sin(1.6 * np.pi * t + 1.0) + 7e-4 * np.sin(2.6 * np.pi * t)
+    middle = t[1900 + np.argmax(np.sign(beyond) * x[1900:2200])]
+    x += 6e-3 + beyond * np.exp(-(((t - middle) / 0.12) ** 2))
+    f = 500.0 * x + 3.0 * np.gradient(x, t) + np.random.default_rng(0).normal(0.0, 0.01, t.size)
+    kept = ~((t > middle - 0.05) & (t < middle + 0.5)) if gap else np.ones(t.size, dtype=np.bool_)
+    t, x, f = t[kept], x[kept], f[kept]
+    gaps = tuple((1 + np.flatnonzero(np.diff(t) > 0.1)).tolist())
+    phases = find_phases(smoothed_signals(Signals(t, x, f, periods(t), "position", gaps)))
+    assert phases.free_force is None
+    assert not phases.saturated

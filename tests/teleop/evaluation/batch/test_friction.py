@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.ndimage import gaussian_filter1d
 
 from teleop.evaluation.batch.analysis import analyse
 from teleop.evaluation.batch.candidate import FRICTION
@@ -46,3 +47,23 @@ def test_friction_inside_is_neither_lost_motion_nor_stiffening(slip):
     force = found.result.summary()["friction_n"]
     assert force["low"] < 0.15 < force["high"]
     assert not any("depends on depth" in reason for reason in found.result.reasons)
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.12])
+def test_at_one_speed_friction_and_damping_are_one_force(friction):
+    """The rounded corners of a triangle wave do not separate them."""
+    t = np.arange(0.0, 40.0, 2e-3)
+    x = 1.5e-3 + 3e-3 * (1.0 - np.abs(1.0 - 0.5 * (t % 4.0)))
+    x = gaussian_filter1d(x, 15.0, mode="nearest")
+    f = 700.0 * x + 8.0 * np.gradient(x, t) + friction * stepwise(x, 6e-5)
+    f += np.random.default_rng(0).normal(0.0, 5e-3, len(t))
+    found = analyse(Signals(t, x, f, periods(t), "position"))
+    assert found.result.k == pytest.approx(700.0, rel=0.01)
+    assert found.local.loss_force == pytest.approx(friction + 8.0 * 1.5e-3, rel=0.03)
+    assert found.result.summary()["friction_n"] is None
+    if friction:
+        assert found.result.b is None
+        assert "one force" in found.result.b_reason
+    else:
+        assert found.result.b == pytest.approx(8.0, abs=0.5)
+        assert any("same effect as damping" in reason for reason in found.result.reasons)

@@ -13,6 +13,7 @@ from teleop.errors import InputError
 from teleop.evaluation.batch.analysis import analyse
 from teleop.evaluation.batch.material import (
     Indenter,
+    contact_radius_at,
     elastic_modulus,
     fit_contact_law,
     force_law,
@@ -96,24 +97,37 @@ def test_the_modulus_of_a_flat_punch_does_not_depend_on_the_contact_point() -> N
     assert found["modulus_low_pa"] <= MODULUS <= found["modulus_high_pa"]
 
 
+def test_the_force_of_a_sphere_on_a_layer_is_that_of_dimitriadis() -> None:
+    """E. K. Dimitriadis et al., Biophysical Journal 82, 2002: bonded and incompressible.
+
+    Their series for thick layers has an error of 0.2 % at a contact radius of 0.1 thicknesses.
+    """
+    radius, thickness = 5e-3, 20e-3
+    force = force_law(Indenter("sphere", radius, thickness=thickness), 1e-3)
+    depth = np.array([1e-5, 1e-4, 1e-3])
+    chi = np.sqrt(radius * depth) / thickness
+    series = 1.0 + 1.133 * chi + 1.283 * chi**2 + 0.769 * chi**3 + 0.0975 * chi**4
+    expected = 4.0 / 3.0 * math.sqrt(radius) * depth**1.5 * series
+    np.testing.assert_allclose(force(depth), expected, rtol=3e-3)
+
+
 @pytest.mark.parametrize("indenter", [SPHERE, CONE], ids=["sphere", "cone"])
-def test_the_force_on_a_layer_is_the_integral_of_its_stiffness(indenter: Indenter) -> None:
+def test_the_force_on_a_layer_rises_with_the_stiffness_of_the_contact_area(
+    indenter: Indenter,
+) -> None:
+    """The increment of the force is that of a flat punch with the present contact radius."""
     layer = Indenter(indenter.shape, indenter.radius, indenter.angle, 5e-3)
     force = force_law(layer, 3e-3)
-    depths = 2e-3 * np.linspace(0.0, 1.0, 25) ** 2
-    stiffness = [
-        2.0 * a * hayes_factor(a / 5e-3, POISSON) for a in map(indenter.contact_radius, depths)
-    ]
-    expected = np.trapezoid(stiffness, depths)
-    assert force(depths[-1:])[0] == pytest.approx(expected, rel=2e-3)
-    assert force(depths[1:2])[0] == pytest.approx(
-        force_law(indenter, 1.0)(depths[1:2])[0], rel=0.15
-    )
+    for depth in (2e-4, 2e-3):
+        a = contact_radius_at(layer, depth)
+        near = depth * np.array([0.97, 1.03])
+        slope = float(np.diff(force(near))[0] / np.diff(near)[0])
+        assert slope == pytest.approx(2.0 * a * hayes_factor(a / 5e-3, POISSON), rel=5e-3)
 
 
 def test_a_layer_gives_a_smaller_modulus_than_a_half_space() -> None:
     analysis = analyse(palpation(SPHERE, 0))
     layer = Indenter("sphere", radius=5e-3, thickness=5e-3)
     thin, thick = (fit_contact_law(analysis, one) for one in (layer, SPHERE))
-    assert 0.4 < thin.modulus.value / thick.modulus.value < 0.7
+    assert 0.2 < thin.modulus.value / thick.modulus.value < 0.5
     assert thin.rms > 1.5 * thick.rms

@@ -83,3 +83,15 @@ def test_a_specimen_without_a_gap_has_a_stiffness_at_zero_force(stiffening):
     found = bonded(0.0, stiffening)
     assert found.k == pytest.approx(1500.0, rel=0.03)
     assert not any("gap" in reason for reason in found.reasons)
+
+
+def test_the_slopes_of_cycles_of_different_frequencies_do_not_contain_a_mass():
+    t = np.arange(0.0, 20.0, 2e-3)
+    tones = [(2.0 * np.pi * f, p) for f, p in ((0.5, 0.0), (1.3, 1.3), (3.1, 2.9), (6.1, 4.0))]
+    x = 5e-3 + sum(6e-4 * np.sin(w * t + p) for w, p in tones)
+    v = sum(6e-4 * w * np.cos(w * t + p) for w, p in tones)
+    a = -sum(6e-4 * w**2 * np.sin(w * t + p) for w, p in tones)
+    found = analysis(t, x, 600.0 * x + 3.0 * v + 0.25 * a).result
+    assert found.k == pytest.approx(600.0, rel=0.01)
+    assert found.b == pytest.approx(3.0, rel=0.02)
+    assert found.parts["mass_kg"]["value"] == pytest.approx(0.25, rel=0.02)

@@ -32,12 +32,16 @@ def sine(lag=0.0, k=1000.0, b=10.0):
 
 
 def test_the_change_of_b_for_a_lag_is_stated():
-    prompt, late = (analyse(sine(lag)).result for lag in (0.0, 1e-3))
+    prompt, late, late_position = (analyse(sine(lag)).result for lag in (0.0, 1e-3, -1e-3))
     assert prompt.b - late.b == pytest.approx(prompt.b_change_per_ms, rel=0.1)
+    assert late_position.b - prompt.b == pytest.approx(prompt.b_change_per_ms, rel=0.1)
 
 
 def test_a_lag_that_is_not_known_is_a_remark_if_a_millisecond_of_it_matters():
-    remark = "a lag of the force is not known: each millisecond of it makes b smaller by 1 N s/m"
+    remark = (
+        "a lag of the force is not known: each millisecond of it makes b smaller by 1 N s/m; "
+        "a lag of the position makes b larger by as much"
+    )
     assert remark in analyse(sine(b=1.5)).result.reasons
     assert remark not in analyse(sine(b=120.0)).result.reasons
     known = analyse(sine(lag=1e-3, b=1.5), TransmissionCalibration(1e-3)).result.reasons

@@ -103,6 +103,19 @@ def test_a_slow_motion_with_small_cycles_is_no_sine():
     assert not smoothed_signals(Signals(t, x, f, periods(t), "position")).sinusoidal
 
 
+def test_a_sum_of_sines_of_equal_amplitude_is_no_sine():
+    """The velocity is mainly at the two highest frequencies, so that its own share is 0.93."""
+    t = np.arange(10_000) / 500.0
+    tones = ((0.4, 0.0), (1.1, 1.3), (2.3, 2.9), (3.7, 4.0))
+    x = 5e-3 + sum(8e-4 * np.sin(2.0 * np.pi * f * t + p) for f, p in tones)
+    force = 500.0 * x + 400.0 * relaxed(x, 500.0, 0.15) + 1.5 * np.gradient(x, t)
+    force += np.random.default_rng(0).normal(0.0, 0.01, len(t))
+    found = analyse(Signals(t, x, force, periods(t), "position"))
+    assert not found.record.sinusoidal
+    assert found.result.times == pytest.approx((0.15,), rel=0.05)
+    assert found.result.b == pytest.approx(1.5, abs=0.05)
+
+
 def test_the_fundamental_share_of_a_triangle_wave_is_that_of_its_fourier_series():
     t = np.arange(10_000) / 1000.0
     x = 2e-3 * (1.0 + 2.0 / np.pi * np.arcsin(np.sin(2.0 * np.pi * t)))

@@ -44,4 +44,4 @@ def test_the_tangent_is_above_the_lowest_position_if_the_force_drifts():
     found = result(t, x, f)
     assert found.depth == pytest.approx(2e-3, rel=0.05)
     assert found.force == pytest.approx(f.mean(), abs=0.2)
-    assert found.depth_from == "lowest position in contact"
+    assert found.depth_from == "lowest position"
