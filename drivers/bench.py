@@ -331,8 +331,10 @@ class Bench:
             return self.force, returned
         if isinstance(drive, PositionDrive):
             return self.position, returned
+        assert isinstance(drive, ImpedanceDrive)
         position, velocity = returned
-        spring = STIFFNESS * (position - self.position) + DAMPING * (velocity - self.velocity)
+        stiffness, damping = drive.rounded(STIFFNESS, DAMPING)
+        spring = stiffness * (position - self.position) + damping * (velocity - self.velocity)
         return self.force, spring
 
     def enable(self) -> bool:

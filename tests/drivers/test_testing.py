@@ -13,7 +13,9 @@ from drivers.devices.board import Board
 from drivers.devices.bota import Bota, BotaSettings
 from drivers.devices.cia402 import Cia402
 from drivers.devices.dbc import DbcDevice
+from drivers.devices.dynamixel import Dynamixel
 from drivers.devices.ft300 import Ft300
+from drivers.devices.mit_motor import MitMotor
 from drivers.devices.moteus import Moteus
 from drivers.devices.odrive import ODrive
 from drivers.testing import check_device, check_drive
@@ -22,7 +24,9 @@ from sim_backend.wire.devices.board import EmulatedBoard
 from sim_backend.wire.devices.bota import EmulatedBota
 from sim_backend.wire.devices.cia402 import EmulatedCia402
 from sim_backend.wire.devices.dbc import EmulatedDbcDevice
+from sim_backend.wire.devices.dynamixel import EmulatedDynamixel
 from sim_backend.wire.devices.ft300 import EmulatedFt300
+from sim_backend.wire.devices.mit_motor import EmulatedMitMotor
 from sim_backend.wire.devices.moteus import EmulatedMoteus
 from sim_backend.wire.devices.odrive import EmulatedODrive
 from sim_backend.wire.emulated_device import EmulatedSerialDevice
@@ -219,6 +223,48 @@ def test_a_drive_that_is_not_there_is_named():
 @pytest.mark.parametrize("kind", DEVICES)
 def test_the_devices_of_this_package_follow_the_rules(kind):
     check_device(*DEVICES[kind])
+
+
+MIT_MOTOR = {
+    "kind": "mit_motor",
+    "bus": "wire",
+    "model": "DM4310",
+    "can_id": 3,
+    "reply_id": 0x13,
+    "travel_mm_per_turn": 500.0,
+    "watchdog_ms": 50,
+}
+DYNAMIXEL = {
+    "kind": "dynamixel",
+    "bus": "wire",
+    "id": 3,
+    "model": "XM430-W350",
+    "travel_mm_per_turn": 100.0,
+    "torque_constant_nm_per_a": 1.0,
+    "watchdog_ms": 60,
+}
+FORCES = BOARD | {"axis_force_n_per_count": [1e-3]}
+CUBEMARS = {"model": "AK80-9", "p_max_rad": 12.5, "v_max_rad_per_s": 50, "t_max_nm": 18}
+MODES = {
+    "board-force": (Board, FORCES | {"velocity_um_per_s_per_count": []}, EmulatedBoard),
+    "cia402-csp": (Cia402, CIA402 | {"mode": "csp"}, EmulatedCia402),
+    "cia402-cst": (Cia402, CIA402 | {"mode": "cst"}, EmulatedCia402),
+    "odrive-torque": (ODrive, NEW_ODRIVE | {"mode": "torque"}, EmulatedODrive),
+    "damiao-torque": (MitMotor, MIT_MOTOR | {"mode": "torque"}, EmulatedMitMotor),
+    "damiao-impedance": (MitMotor, MIT_MOTOR | {"mode": "impedance"}, EmulatedMitMotor),
+    "cubemars": (MitMotor, MIT_MOTOR | CUBEMARS | {"mode": "torque"}, EmulatedMitMotor),
+    "dynamixel-velocity": (Dynamixel, DYNAMIXEL | {"mode": "velocity"}, EmulatedDynamixel),
+    "dynamixel-position": (Dynamixel, DYNAMIXEL | {"mode": "position"}, EmulatedDynamixel),
+    "dynamixel-current": (Dynamixel, DYNAMIXEL | {"mode": "current"}, EmulatedDynamixel),
+}
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_the_drives_follow_the_rules_in_every_mode(mode):
+    device, section, emulated = MODES[mode]
+    if mode in ("damiao-torque", "cubemars", "dynamixel-velocity"):  # the others differ little
+        check_device(device, section, emulated)
+    check_drive(device, section, emulated, section["watchdog_ms"] * 1e-3)
 
 
 @pytest.mark.parametrize("kind", DRIVES)
