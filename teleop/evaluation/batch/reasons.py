@@ -28,6 +28,7 @@ from teleop.evaluation.batch.thresholds import (
     FEWEST_INDEPENDENT,
     FEWEST_SAMPLES_PER_CYCLE,
     FREE_SPEED,
+    LARGEST_CHANGE_BY_LAG,
     LARGEST_STOP_TRAVEL,
     LARGEST_ZERO_FORCE,
     LEAST_CONTACT_MOTION,
@@ -415,7 +416,7 @@ def no_damping(
         )
     if drift:
         return Reason(f"{drift.text}: damping is not determined")
-    if local.lag:
+    if local.lag and abs(local.lag.b - local.b) > LARGEST_CHANGE_BY_LAG * local.lag.b:
         more = " besides the compensated lag" if transmission.force_lag else ""
         return Reason(
             f"the force lags behind the position by about {local.lag.seconds * 1e3:.2g} ms{more}, "

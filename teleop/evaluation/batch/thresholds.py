@@ -119,6 +119,9 @@ records of 13 kinds with right signs, it is above 0.4."""
 LONGEST_LAG = 0.05
 """Longest lag of a force channel [s] that is named as a cause of negative damping. Filters of force
 sensors with a cutoff frequency of 10 Hz or more are faster, up to the third order (32 ms)."""
+LARGEST_CHANGE_BY_LAG = 0.1
+"""If a lag of the force describes it as well as a relaxation, the largest difference of b between
+the two, relative to b, with which b is reported. Its interval then contains both values."""
 LONGEST_LAG_SHARE = 0.125
 """Longest lag of a force channel that is named as a cause of negative damping, in periods of the
 motion."""
