@@ -48,6 +48,7 @@ from teleop.evaluation.batch.thresholds import (
     PUNCTURE_NOISE,
     PUNCTURE_TIME,
     PUNCTURE_TRAVEL,
+    RELAXATION_MISFIT,
     SHORTEST_CREEP,
     SHORTEST_RELAXATION_HOLD,
     SMALL_BASELINE,
@@ -250,6 +251,7 @@ def contact_remarks(record: SmoothedRecord, local: LocalStiffness) -> list[Reaso
 
 DAMPING_NOT_RESOLVED = "damping is not resolved: its interval contains zero"
 LOST_MOTION = "motion is lost between the position sensor and the tip"
+SOFTENING = "the specimen is softer at depths that it has reached before"
 SLOPES = "teleop estimate FILE --json prints the slope of each loading (phases)"
 LAG = (
     "teleop lag measures a lag of the force; --conditioning matched --force-lag LAG compensates it"
@@ -357,11 +359,11 @@ def remarks(
         what = phrases(local, surface(record, phases, local), record.sinusoidal)
         if best.times and not local.lag:
             times = ", ".join(f"{tau:.2g} s" for tau in reported_times(best.times))
-            similar = (
-                ""
-                if longest_hold(record, phases) >= SHORTEST_RELAXATION_HOLD
-                else f", or {LOST_MOTION}"
-            )
+            similar = ""
+            if best.rms > RELAXATION_MISFIT * record.f_noise_smoothed:
+                similar += f", or {SOFTENING}"
+            if longest_hold(record, phases) < SHORTEST_RELAXATION_HOLD:
+                similar += f", or {LOST_MOTION}"
             what.append(f"force relaxes ({times}){similar}")
         if what:
             found.append(

@@ -251,6 +251,10 @@ such a model is less than exp(-30) times that of the best model."""
 LEAST_MISFIT = 1e-3
 """Residual of the best model below which no extension is tried, as a fraction of the force (root
 mean square). A part of the force of this size changes k by at most about 0.1 %."""
+RELAXATION_MISFIT = 4.0
+"""Residual of a model that relaxes, in standard deviations of the noise of the smoothed force,
+above which softening by the largest depth (Mullins effect) is named as another cause. It is 1 to 2
+on bodies that relax, and 8 to 30 on bodies that soften."""
 LOADING_BAND = 0.15
 """Samples are used for the slope of the measured force in loading if the distance of their force
 from the middle is less than this fraction of the range. A cubic polynomial is fitted to them."""
