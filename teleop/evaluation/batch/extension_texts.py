@@ -122,8 +122,9 @@ def phrases(local: LocalStiffness, surface: Value, sinusoidal: bool) -> list[str
         found.append(f"the stiffness depends on depth (degree {best.degree})")
     if part := best.part(DEPTH_DAMPING):
         low_b, _, high_b = part.values
+        least = max(low_b.value, 0.0)  # that of a passive body is not negative
         found.append(
-            f"the damping grows with depth, from {DAMPING.text(low_b.value, '.3g')} at the lowest "
+            f"the damping grows with depth, from {DAMPING.text(least, '.3g')} at the lowest "
             f"to {DAMPING.text(high_b.value, '.3g')} at the highest position"
             + (", which a single sine does not distinguish from relaxation" if sinusoidal else "")
         )

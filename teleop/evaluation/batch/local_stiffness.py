@@ -165,6 +165,7 @@ def local_stiffness(
     best = min(found, key=lambda one: one.bic)
     lag = lag_instead_of_relaxation(rows, best)
     k_std = math.hypot(k_std, misfit_slope(rows, best), k - lag.k if lag else 0.0)
+    b_std = math.hypot(b_std, b - lag.b if lag else 0.0)
     slow = rows.basis[:, 1:] @ best.theta[1 : rows.v_column]
     return LocalStiffness(
         k,

@@ -127,7 +127,11 @@ def slopes_of_cycles(
         if not low + margin < level < high - margin:
             continue
         nearest = int(np.argmin(np.abs(elastic - level)))
-        at = float(grid[nearest])
+        # between the places, the position follows from the slope there
+        steepness = float(np.gradient(elastic, grid)[nearest])
+        half_step = 0.5 * float(grid[1] - grid[0])
+        beyond_place = (level - float(elastic[nearest])) / (steepness or math.inf)
+        at = float(grid[nearest]) + float(np.clip(beyond_place, -half_step, half_step))
         above = int(np.searchsorted(s[loading], at))
         around = s[loading][max(above - 1, 0) : above + 1]
         if len(around) < 2 or around[1] - around[0] > LARGEST_LOADING_GAP:

@@ -28,6 +28,7 @@ from teleop.evaluation.batch.thresholds import (
     FEWEST_INDEPENDENT,
     FEWEST_SAMPLES_PER_CYCLE,
     FREE_SPEED,
+    LARGEST_CHANGE_BY_LAG,
     LARGEST_STOP_TRAVEL,
     LARGEST_ZERO_FORCE,
     LEAST_CONTACT_MOTION,
@@ -47,6 +48,7 @@ from teleop.evaluation.batch.thresholds import (
     PUNCTURE_NOISE,
     PUNCTURE_TIME,
     PUNCTURE_TRAVEL,
+    RELAXATION_MISFIT,
     SHORTEST_CREEP,
     SHORTEST_RELAXATION_HOLD,
     SMALL_BASELINE,
@@ -249,6 +251,7 @@ def contact_remarks(record: SmoothedRecord, local: LocalStiffness) -> list[Reaso
 
 DAMPING_NOT_RESOLVED = "damping is not resolved: its interval contains zero"
 LOST_MOTION = "motion is lost between the position sensor and the tip"
+SOFTENING = "the specimen is softer at depths that it has reached before"
 SLOPES = "teleop estimate FILE --json prints the slope of each loading (phases)"
 LAG = (
     "teleop lag measures a lag of the force; --conditioning matched --force-lag LAG compensates it"
@@ -356,11 +359,11 @@ def remarks(
         what = phrases(local, surface(record, phases, local), record.sinusoidal)
         if best.times and not local.lag:
             times = ", ".join(f"{tau:.2g} s" for tau in reported_times(best.times))
-            similar = (
-                ""
-                if longest_hold(record, phases) >= SHORTEST_RELAXATION_HOLD
-                else f", or {LOST_MOTION}"
-            )
+            similar = ""
+            if best.rms > RELAXATION_MISFIT * record.f_noise_smoothed:
+                similar += f", or {SOFTENING}"
+            if longest_hold(record, phases) < SHORTEST_RELAXATION_HOLD:
+                similar += f", or {LOST_MOTION}"
             what.append(f"force relaxes ({times}){similar}")
         if what:
             found.append(
@@ -415,7 +418,7 @@ def no_damping(
         )
     if drift:
         return Reason(f"{drift.text}: damping is not determined")
-    if local.lag:
+    if local.lag and abs(local.lag.b - local.b) > LARGEST_CHANGE_BY_LAG * local.lag.b:
         more = " besides the compensated lag" if transmission.force_lag else ""
         return Reason(
             f"the force lags behind the position by about {local.lag.seconds * 1e3:.2g} ms{more}, "

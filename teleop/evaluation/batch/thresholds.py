@@ -119,6 +119,9 @@ records of 13 kinds with right signs, it is above 0.4."""
 LONGEST_LAG = 0.05
 """Longest lag of a force channel [s] that is named as a cause of negative damping. Filters of force
 sensors with a cutoff frequency of 10 Hz or more are faster, up to the third order (32 ms)."""
+LARGEST_CHANGE_BY_LAG = 0.1
+"""If a lag of the force describes it as well as a relaxation, the largest difference of b between
+the two, relative to b, with which b is reported. Its interval then contains both values."""
 LONGEST_LAG_SHARE = 0.125
 """Longest lag of a force channel that is named as a cause of negative damping, in periods of the
 motion."""
@@ -248,6 +251,10 @@ such a model is less than exp(-30) times that of the best model."""
 LEAST_MISFIT = 1e-3
 """Residual of the best model below which no extension is tried, as a fraction of the force (root
 mean square). A part of the force of this size changes k by at most about 0.1 %."""
+RELAXATION_MISFIT = 4.0
+"""Residual of a model that relaxes, in standard deviations of the noise of the smoothed force,
+above which softening by the largest depth (Mullins effect) is named as another cause. It is 1 to 2
+on bodies that relax, and 8 to 30 on bodies that soften."""
 LOADING_BAND = 0.15
 """Samples are used for the slope of the measured force in loading if the distance of their force
 from the middle is less than this fraction of the range. A cubic polynomial is fitted to them."""

@@ -95,3 +95,13 @@ def test_the_slopes_of_cycles_of_different_frequencies_do_not_contain_a_mass():
     assert found.k == pytest.approx(600.0, rel=0.01)
     assert found.b == pytest.approx(3.0, rel=0.02)
     assert found.parts["mass_kg"]["value"] == pytest.approx(0.25, rel=0.02)
+
+
+@pytest.mark.parametrize("centre", [2.5e-3, 2.53e-3, 2.56e-3])
+def test_the_stiffness_is_the_tangent_at_the_stated_position(centre):
+    """The position is not rounded to the places at which the force of a cycle is computed."""
+    t = np.arange(0.0, 20.0, 5e-3)
+    x = centre + 2e-3 * np.sin(1.4 * np.pi * t)
+    v = 2.8e-3 * np.pi * np.cos(1.4 * np.pi * t)
+    found = analysis(t, x, 300.0 * x + 80e3 * x**2 + 5.0 * v).result
+    assert found.k == pytest.approx(300.0 + 160e3 * found.position, rel=2e-3)

@@ -149,3 +149,15 @@ def test_a_small_adhesion_with_a_short_retraction_does_not_change_the_stiffness(
     found = analyse(signals(t, x, f, 4e-3)).result
     assert found.k == pytest.approx(3000.0, rel=0.01)
     assert any(reason.startswith("adhesion") for reason in found.reasons)
+
+
+def test_softening_by_the_largest_depth_is_named_beside_relaxation():
+    """The force at a depth decreases by up to 40 % if the specimen was deeper before."""
+    t = np.arange(0.0, 40.0, 5e-3)
+    depth = 2e-3 + 1e-3 * np.floor(t / 8.0)
+    x = np.maximum(0.5 * (depth + 5e-4) * (1.0 - np.cos(np.pi * t)) - 5e-4, 0.0)
+    deepest = np.maximum(np.maximum.accumulate(x), 1e-9)
+    f = (600.0 * x + 6e4 * x**2) * (1.0 - 0.4 * (1.0 - x / deepest))
+    position = 0.5 * (depth + 5e-4) * (1.0 - np.cos(np.pi * t)) - 5e-4
+    reasons = analyse(signals(t, position, f)).result.reasons
+    assert any("relaxes" in one and "reached before" in one for one in reasons)
