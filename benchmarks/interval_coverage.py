@@ -245,17 +245,34 @@ def true_dampings(case: Case, result: StiffnessResult) -> list[float]:
     """Return the true values of b of body and transmission in series; empty if not defined."""
     at_frequency, body = result.damping_at_hz is not None, case.body
     c, force = case.draw.notes["compliance"], result.force or 0.0
-    if case.kind.steady and (at_frequency or isinstance(body, Linear)):
+    if case.kind.steady and (isinstance(body, Linear) or (at_frequency and case.is_linear)):
         return [case.complex_stiffness.imag / case.draw.omega]
     if isinstance(body, Linear):
         return [body.b / (1.0 + c * body.k) ** 2]
-    if at_frequency:
+    if at_frequency and case.viscous is None:
         behind_play = replace(case.truth, depth=case.truth.tip)
         return [replace(case, truth=behind_play).loss_per_velocity]
     if case.viscous is None:
         return []
+    if at_frequency:
+        return [mean_damping(case)]
     b = case.viscous.viscosity(case.depths_at(force))
     return (b / (1.0 + c * tangents(case, force)) ** 2).tolist()
+
+
+def mean_damping(case: Case) -> float:
+    """Return the damping of body and transmission in series that loses the same energy.
+
+    It is the mean of the damping, which depends on depth, with the weight v^2. k''/omega of the
+    fundamentals differs from it: behind play the tip rests at each reversal, and the harmonics of
+    this motion give the fundamental of a nonlinear elastic force another phase.
+    """
+    assert case.viscous is not None
+    recorded = case.truth.t > 0.0
+    depth, v = case.truth.depth[recorded], np.gradient(case.truth.tip, case.truth.t)[recorded]
+    series = 1.0 + case.draw.notes["compliance"] * np.asarray(case.viscous.tangent(depth))
+    b = np.asarray(case.viscous.viscosity(depth)) / series**2
+    return float(np.sum(b * v**2) / np.sum(v**2))
 
 
 def tangents(case: Case, force: float) -> Array:

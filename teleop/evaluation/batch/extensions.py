@@ -152,7 +152,7 @@ def base_models(best: Candidate) -> list[Base]:
     relaxing = [
         Base(degree, best.times, best.relaxing, best.cornered, ())
         for degree in dict.fromkeys([*DEGREES[:2], best.degree])
-        if best.times
+        if best.times and not best.is_storage
     ]
     return plain + relaxing
 
