@@ -52,6 +52,7 @@ from scipy.optimize import brentq
 from scipy.special import ndtr
 
 from estimation.arrays import Floats
+from estimation.autocorrelation import effective_samples
 from estimation.estimator import LEVEL_95
 from estimation.robust_error import robust_fit
 from teleop.evaluation.batch.candidate import (
@@ -291,7 +292,11 @@ def model_weights(found: list[Candidate]) -> Floats:
     increase with the number of candidates in the group. Within the group, the weight is divided in
     proportion to exp(-BIC / 2) of each candidate. All weights sum to 1.
     """
-    bics = np.array([one.bic for one in found])
+    best = min(found, key=lambda one: one.bic)
+    n = effective_samples(best.residual)
+    bics = np.array(
+        [2.0 * n * math.log(max(one.rms, 1e-150)) + one.parameters * math.log(n) for one in found]
+    )
     weights = np.exp(-0.5 * (bics - bics.min()))
     models = [
         (one.degree, len(one.times), *(part.kind for part in one.extensions)) for one in found
