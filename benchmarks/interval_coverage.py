@@ -14,9 +14,12 @@ interval contains the true value, and the median of its half width relative to t
 aim is 90 to 98 %. Values outside are marked. For other forms of the transmission than the fitted
 one, the measured coverage is only stated.
 
-The truth of k and b is that of tissue and transmission in series, as in `independent.py`: for a
-sine on a linear body k' and k''/omega, for other linear records the static limit, and for nonlinear
-bodies each of the tangent stiffnesses (in loading, and of the elastic force) at the stated force.
+The truth of k and b is that of tissue and transmission in series, for the quantity that the result
+states: for a sine on a linear body k' and k''/omega, for other linear records the static limit, and
+for nonlinear bodies the tangent of the elastic force, and the damping, at the stated position. If b
+is that of the whole cycle, it is the mean damping with the weight v^2. For a relaxing body that the
+result calls nonlinear, it is each of the slopes in loading at the stated force, with and without
+the loss.
 The lost motion of friction is the friction times the compliance of its spring.
 
 Seed 1 is for development. A published result uses a seed that was never used before.
@@ -39,7 +42,7 @@ import independent_bodies as physics
 import independent_kinds as kinds
 import numpy as np
 from independent import Case, simulate
-from independent_bodies import Array, Linear
+from independent_bodies import Linear
 from independent_kinds import Draw
 from interval_coverage_records import (
     SpringRecord,
@@ -228,6 +231,8 @@ def true_stiffnesses(case: Case, result: StiffnessResult) -> list[float]:
     is_storage = result.storage_at_hz is not None
     if isinstance(case.body, Linear) or (case.kind.steady and case.is_linear and is_storage):
         return case.stiffnesses(force)
+    if case.viscous:
+        return [series_at(case, result).k]
     if not truth.body.min() <= force <= truth.body.max():
         return []
     found = [physics.loading_slope(truth.tip, truth.body, force)]
@@ -235,33 +240,65 @@ def true_stiffnesses(case: Case, result: StiffnessResult) -> list[float]:
         v = np.gradient(truth.tip, truth.t)
         beside_loss = truth.body - case.complex_stiffness.imag / case.draw.omega * v
         found.append(physics.loading_slope(truth.tip, beside_loss, force))
-    if case.viscous:
-        k = tangents(case, force)
-        found += (k / (1.0 + case.draw.notes["compliance"] * k)).tolist()
     return [k for k in found if k is not None]
 
 
 def true_dampings(case: Case, result: StiffnessResult) -> list[float]:
     """Return the true values of b of body and transmission in series; empty if not defined."""
     at_frequency, body = result.damping_at_hz is not None, case.body
-    c, force = case.draw.notes["compliance"], result.force or 0.0
-    if case.kind.steady and (at_frequency or isinstance(body, Linear)):
+    c = case.draw.notes["compliance"]
+    if case.kind.steady and (isinstance(body, Linear) or (at_frequency and case.is_linear)):
         return [case.complex_stiffness.imag / case.draw.omega]
     if isinstance(body, Linear):
         return [body.b / (1.0 + c * body.k) ** 2]
-    if at_frequency:
+    if at_frequency and case.viscous is None:
         behind_play = replace(case.truth, depth=case.truth.tip)
         return [replace(case, truth=behind_play).loss_per_velocity]
     if case.viscous is None:
         return []
-    b = case.viscous.viscosity(case.depths_at(force))
-    return (b / (1.0 + c * tangents(case, force)) ** 2).tolist()
+    if at_frequency:
+        return [mean_damping(case)]
+    return [series_at(case, result).b]
 
 
-def tangents(case: Case, force: float) -> Array:
-    """Return the tangent stiffnesses of the body alone at a force."""
+def mean_damping(case: Case) -> float:
+    """Return the damping of body and transmission in series that loses the same energy.
+
+    It is the mean of the damping, which depends on depth, with the weight v^2. k''/omega of the
+    fundamentals differs from it: behind play the tip rests at each reversal, and the harmonics of
+    this motion give the fundamental of a nonlinear elastic force another phase.
+    """
     assert case.viscous is not None
-    return np.asarray(case.viscous.tangent(case.depths_at(force)))
+    recorded = case.truth.t > 0.0
+    depth, v = case.truth.depth[recorded], np.gradient(case.truth.tip, case.truth.t)[recorded]
+    series = 1.0 + case.draw.notes["compliance"] * np.asarray(case.viscous.tangent(depth))
+    b = np.asarray(case.viscous.viscosity(depth)) / series**2
+    return float(np.sum(b * v**2) / np.sum(v**2))
+
+
+class Series(NamedTuple):
+    """Tangent stiffness [N/m] and damping [N s/m] of body and transmission in series."""
+
+    k: float
+    b: float
+
+
+def series_at(case: Case, result: StiffnessResult) -> Series:
+    """Return the true values at the position that the result states, which is behind the play.
+
+    The force that the result states beside it contains the damping force, which differs between
+    the strokes.
+    """
+    body, c = case.viscous, case.draw.notes["compliance"]
+    assert body is not None
+    assert result.position is not None
+    depth = np.linspace(0.0, float(case.truth.tip.max()), 200_001)
+    place = result.position - case.draw.origin
+    y = np.interp(place, depth + c * np.asarray(body.elastic(depth)), depth)
+    tangent = float(np.asarray(body.tangent(np.array([y])))[0])
+    viscosity = float(np.asarray(body.viscosity(np.array([y])))[0])
+    series = 1.0 + c * tangent
+    return Series(tangent / series, viscosity / series**2)
 
 
 PRESSES = {"frequency": (0.6, 1.5)}

@@ -276,7 +276,7 @@ class Analysis:
                 (result.b - result.b_low) * omega,
             )
         else:
-            lock_in = complex_stiffness(record)
+            lock_in = complex_stiffness(record, self.local.curved)
             if lock_in is None:
                 return None
             found = lock_in

@@ -47,6 +47,15 @@ class Extension(NamedTuple):
     """Regressors at the fitted samples."""
 
 
+class Sine(NamedTuple):
+    """The frequency at which a linear model with relaxing parts has its k' and k''."""
+
+    omega: float
+    """Angular frequency [rad/s]."""
+    size: float
+    """Displacement for which the relaxing parts are computed [m]: they are those of x / size."""
+
+
 class Value(NamedTuple):
     """An estimate with its standard deviation."""
 
@@ -117,6 +126,8 @@ class Candidate(NamedTuple):
     """Physical quantities of the extensions."""
     share_before_knot: float = 1.0
     """Increase of P from the lowest position to a knot, as a fraction of the elastic force."""
+    is_storage: bool = False
+    """Whether k and b are k' and k''/omega of a linear body that relaxes."""
 
     @property
     def parameters(self) -> int:
@@ -167,6 +178,7 @@ def fit_candidate(
     relaxing: Sequence[Floats],
     cornered: Sequence[Floats],
     extensions: tuple[Extension, ...] = (),
+    sine: Sine | None = None,
 ) -> Candidate:
     """Fit one model of the contact force, and compute its stiffness at half of the force range.
 
@@ -174,6 +186,7 @@ def fit_candidate(
     of the force, which decay with the time constants tau_j
     (`teleop.evaluation.batch.local_stiffness`). `relaxing` are the z_j after smoothing, each of
     shape (n,); `cornered` are the same, but not smoothed at their sharp corners (`with_corners`).
+    With `sine`, k and b are k' and k''/omega of a linear model at this frequency.
     """
     fit = rows.fit(degree, relaxing, [c for one in extensions for c in one.columns])
     theta, first = fit.theta, rows.v_column + 1
@@ -271,6 +284,15 @@ def fit_candidate(
     k_effect = gradient + curvature / (k or 1e-300) * (force_effect - elastic_effect)
     b_effect = np.zeros(m)
     b_effect[rows.v_column] = 1.0
+    if sine:
+        # the response of z' = (x' / size) - z / tau is j omega tau / (1 + j omega tau) / size
+        k_effect = np.zeros(m)
+        k_effect[first] = 1.0 / rows.scale
+        tau = np.array(times)
+        response = tau / (1.0 + (sine.omega * tau) ** 2) / sine.size
+        own = slice(first + 1, first + 1 + len(times))
+        k_effect[own], b_effect[own] = sine.omega**2 * tau * response, response
+        k, path_error = float(k_effect @ theta), 0.0
     orders = np.arange(1, depth_damping.stop - depth_damping.start + 1)
     b_effect[depth_damping] = s**orders
 
@@ -290,7 +312,7 @@ def fit_candidate(
     k_rounding, b_rounding = rows.rounding_error(
         np.vstack([k_effect, b_effect]) @ fit.inverse, slopes
     )
-    smoothing_error = SMOOTHING_ERROR * k if times else 0.0
+    smoothing_error = SMOOTHING_ERROR * k if times and not sine else 0.0
     k_fit_error, b_fit_error = (fit.deviation(e, rows.cycles) for e in (k_effect, b_effect))
 
     def value(gradient: Floats) -> Value:
@@ -351,6 +373,7 @@ def fit_candidate(
         extensions=extensions,
         parts=tuple(parts),
         share_before_knot=share_before_knot,
+        is_storage=sine is not None,
     )
     return found._replace(bic=bayesian_criterion(fit.residual, found.parameters))
 

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import stdtrit
 
+from estimation.arrays import Floats
 from teleop.evaluation.batch.smoothed_record import SmoothedRecord
 from teleop.evaluation.batch.thresholds import FEWEST_LOCK_IN, MOST_LOCK_IN, SHORTEST_LOCK_IN
 
@@ -22,8 +23,14 @@ class ComplexStiffness(NamedTuple):
     loss_half: float
 
 
-def complex_stiffness(record: SmoothedRecord) -> ComplexStiffness | None:
+def complex_stiffness(
+    record: SmoothedRecord, curved: Floats | None = None
+) -> ComplexStiffness | None:
     """Return the complex stiffness of a sinusoidal record; None if it has too few cycles.
+
+    `curved` is the part of the elastic force that is not proportional to the position [N]. It loses
+    no energy, but if the motion is not an exact sine, such as behind lost motion, its fundamental
+    has another phase than that of the position. The loss is computed without it.
 
     The record is divided into blocks of whole cycles, which overlap by half. With a Hann window
     over three cycles or more, neither the mean nor the harmonics change the fundamental. The
@@ -36,12 +43,14 @@ def complex_stiffness(record: SmoothedRecord) -> ComplexStiffness | None:
     length = round(cycle * max(SHORTEST_LOCK_IN, 2 * total // MOST_LOCK_IN))
     window = 0.5 - 0.5 * np.cos(2.0 * math.pi * np.arange(length) / length)
     wave = window * np.exp(-2j * math.pi / cycle * np.arange(length))
+    bend = np.zeros(len(record.t)) if curved is None else curved
     ratios = []
     for start, end in pairwise(bounds):
         for first in range(start, end - length + 1, length // 2):
             block = slice(first, first + length)
-            x, f = (part[block] - part[block].mean() for part in (record.x, record.f))
-            ratios.append((wave @ f) / (wave @ x))
+            x, f, bent = (part[block] - part[block].mean() for part in (record.x, record.f, bend))
+            force, other, position = wave @ f, wave @ bent, wave @ x
+            ratios.append(complex((force / position).real, ((force - other) / position).imag))
     n = len(ratios)
     if n < FEWEST_LOCK_IN:
         return None

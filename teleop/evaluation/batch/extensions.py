@@ -152,9 +152,28 @@ def base_models(best: Candidate) -> list[Base]:
     relaxing = [
         Base(degree, best.times, best.relaxing, best.cornered, ())
         for degree in dict.fromkeys([*DEGREES[:2], best.degree])
-        if best.times
+        if best.times and not best.is_storage
     ]
     return plain + relaxing
+
+
+def without_fast_parts(rows: RegressionRows, base: Base) -> Base:
+    """Return a model without the relaxing parts that are faster than the motion.
+
+    For omega tau < 1, such a part of the elastic force P(x) is to first order tau P'(x) v: damping
+    that depends on depth. Beside such damping it is not identifiable. It then describes the misfit
+    of the model, and changes b by as much as its own damping.
+    """
+    x, v = rows.record.x[rows.index], rows.record.v[rows.index]
+    slowest = float(np.std(x)) / max(float(np.std(v)), 1e-300)
+    slow = [i for i, tau in enumerate(base.times) if tau > slowest]
+    # with the decays from before the record, there are more signals than time constants
+    kept = [i for i in range(len(base.relaxing)) if i % max(len(base.times), 1) in slow]
+    return base._replace(
+        times=tuple(base.times[i] for i in slow),
+        relaxing=[base.relaxing[i] for i in kept],
+        cornered=[base.cornered[i] for i in kept],
+    )
 
 
 def kinds(rows: RegressionRows, best: Candidate) -> Iterator[str]:
@@ -200,6 +219,7 @@ class Screening:
         self.places: dict[str, list[tuple[tuple[float, ...], NDArray[np.intp]]]] = {}
         index = rows.index
         columns = [rows.record.v[index], *rows.powers, *(z[index] for z in best.relaxing)]
+        self.relaxing = {id(z): i for i, z in enumerate(best.relaxing, 1 + len(DEGREES))}
         self.extended = len(columns)
         columns += [c for one in best.extensions for c in one.columns]
         for kind in kinds(rows, best):
@@ -225,9 +245,10 @@ class Screening:
         for base in bases:
             if kind == FRICTION and base.times:  # together they imitate lost motion
                 continue
+            if kind == DEPTH_DAMPING:
+                base = without_fast_parts(self.rows, base)
             own = len([c for one in base.extensions for c in one.columns])
-            first = 1 + len(DEGREES)  # velocity and powers of the position come before
-            used = [*range(base.degree + 1), *range(first, first + len(base.relaxing))]
+            used = [*range(base.degree + 1), *(self.relaxing[id(z)] for z in base.relaxing)]
             used += range(self.extended, self.extended + own)
             found = []
             for values, at in self.places[kind]:

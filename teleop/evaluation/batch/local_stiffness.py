@@ -52,21 +52,24 @@ from scipy.optimize import brentq
 from scipy.special import ndtr
 
 from estimation.arrays import Floats
+from estimation.autocorrelation import effective_samples
 from estimation.estimator import LEVEL_95
 from estimation.robust_error import robust_fit
 from teleop.evaluation.batch.candidate import (
     DEPTH_DAMPING,
     FRICTION,
+    KNOT,
     Candidate,
     Value,
     fit_candidate,
+    knot_force,
     pass_means,
 )
 from teleop.evaluation.batch.contact_phases import Phases
 from teleop.evaluation.batch.extensions import extended
 from teleop.evaluation.batch.lag_search import ForceLag, lag_instead_of_relaxation
 from teleop.evaluation.batch.regression_rows import DEGREES, RegressionRows
-from teleop.evaluation.batch.relaxation_search import with_relaxation
+from teleop.evaluation.batch.relaxation_search import linear_with_relaxation, with_relaxation
 from teleop.evaluation.batch.smoothed_record import SmoothedRecord
 from teleop.evaluation.batch.thresholds import (
     BETTER_BIC,
@@ -117,11 +120,17 @@ class LocalStiffness:
     be separated; None if the speed changes."""
     lag: ForceLag | None = None
     """Lag of the force that describes it at least as well as the relaxing parts of `best`."""
+    curved: Floats | None = None
+    """Elastic force of the best candidate that is not proportional to the position, at all samples
+    [N]; None if the motion is not a sine in contact throughout."""
 
     @property
     def is_linear(self) -> bool:
-        """Whether no candidate is clearly better than the Kelvin-Voigt model."""
-        return self.kelvin_voigt.bic < self.best.bic + BETTER_BIC
+        """Whether no candidate is clearly better than the Kelvin-Voigt model.
+
+        This is also so if the best model is a linear one that relaxes.
+        """
+        return self.best.is_storage or self.kelvin_voigt.bic < self.best.bic + BETTER_BIC
 
 
 class LoadingTangent(NamedTuple):
@@ -156,6 +165,10 @@ def local_stiffness(
         if best.degree > 1 and best.times:
             elastic = rows.polynomial(best.theta[: rows.v_column + 1 + best.degree])
             found += with_relaxation(rows, elastic, DEGREES[1:4], best.bic)
+    elif follows and phases.free_force is None:
+        best = min(found, key=lambda one: one.bic)
+        if best is not plain:
+            found += linear_with_relaxation(rows, 2.0 * math.pi * record.frequency)
     if follows:
         found += extended(rows, found, friction)
     found = [one for one in found if one.k_std < abs(one.k)] or found
@@ -182,6 +195,7 @@ def local_stiffness(
         loading_tangent(rows, best) if best.part(DEPTH_DAMPING) else None,
         inseparable_loss(rows, best),
         lag,
+        curved_force(rows, best) if record.sinusoidal and phases.free_force is None else None,
     )
 
 
@@ -199,6 +213,21 @@ def inseparable_loss(rows: RegressionRows, best: Candidate) -> float | None:
         return None
     friction = best.part(FRICTION)
     return (friction.values[0].value if friction else 0.0) + best.b * mean
+
+
+def curved_force(rows: RegressionRows, best: Candidate) -> Floats:
+    """Return the elastic force that is not proportional to the position, smoothed like the force.
+
+    It has the shape (n,), and is 0 for a polynomial of degree 1 without knot.
+    """
+    s = rows.depth
+    force = s[:, None] ** np.arange(2, best.degree + 1) @ best.powers[1:]
+    at = len(best.theta) - sum(len(one.columns) for one in best.extensions)
+    for one in best.extensions:
+        if one.kind == KNOT:
+            force = force + best.theta[at] * knot_force(s, *one.values)[0]
+        at += len(one.columns)
+    return rows.record.smoothed(force)
 
 
 def loading_tangent(rows: RegressionRows, best: Candidate) -> LoadingTangent | None:
@@ -291,7 +320,11 @@ def model_weights(found: list[Candidate]) -> Floats:
     increase with the number of candidates in the group. Within the group, the weight is divided in
     proportion to exp(-BIC / 2) of each candidate. All weights sum to 1.
     """
-    bics = np.array([one.bic for one in found])
+    best = min(found, key=lambda one: one.bic)
+    n = effective_samples(best.residual)
+    bics = np.array(
+        [2.0 * n * math.log(max(one.rms, 1e-150)) + one.parameters * math.log(n) for one in found]
+    )
     weights = np.exp(-0.5 * (bics - bics.min()))
     models = [
         (one.degree, len(one.times), *(part.kind for part in one.extensions)) for one in found

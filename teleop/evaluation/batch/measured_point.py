@@ -84,7 +84,8 @@ def slopes_of_cycles(
     model of the record.
     """
     begins = [phase.start for phase in phases.phases if phase.name == "loading"]
-    relaxing = np.broadcast_to(best.relaxing_force, record.x.shape)
+    own = np.zeros(1) if best.is_storage else best.relaxing_force  # k' contains the relaxing parts
+    relaxing = np.broadcast_to(own, record.x.shape)
     elastic_force = best.force_without_mass(record) - relaxing
     layers = best.part(KNOT)
     knot = layers.values[0].value if layers else math.inf

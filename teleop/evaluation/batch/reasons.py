@@ -353,6 +353,7 @@ def remarks(
         found.append(Reason(change.text))
     elif (
         best is not plain
+        and not best.is_storage  # k' and k'' are those of any linear body
         and (changed or (not slight and plain.rms > BETTER_RESIDUAL * best.rms))
         and best.bic < plain.bic - BETTER_BIC
     ):

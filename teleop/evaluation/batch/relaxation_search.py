@@ -15,7 +15,7 @@ import numpy as np
 
 from estimation.arrays import Floats
 from estimation.batch_models.relaxation import relaxing_part, value_at_start
-from teleop.evaluation.batch.candidate import Candidate, fit_candidate
+from teleop.evaluation.batch.candidate import Candidate, Sine, fit_candidate
 from teleop.evaluation.batch.regression_rows import RegressionRows, with_corners
 from teleop.evaluation.batch.smoothed_record import measurement_noise
 from teleop.evaluation.batch.thresholds import NEGLIGIBLE_BIC, SAME_TIME_RATIO
@@ -56,7 +56,9 @@ class RelaxingParts:
     def __init__(self, rows: RegressionRows, y: Floats) -> None:
         self._record = record = rows.record
         y = rows.in_contact(y)
-        y = (y - y[0]) / max(float(np.std(y)), 1e-300)
+        self.size = max(float(np.std(y)), 1e-300)
+        """Standard deviation of the signal: its relaxing parts are divided by it."""
+        y = (y - y[0]) / self.size
         self._pieces = [piece - value_at_start(piece) for piece in np.split(y, record.starts[1:])]
         self._noise = measurement_noise(y)
         scale = float(np.std(y)) / max(float(np.std(record.raw_x)), 1e-300)
@@ -111,6 +113,27 @@ def with_relaxation(
                 for one in sorted(suitable)[:MOST_MODELS]
                 if one.bic <= least_bic + NEGLIGIBLE_BIC
             ]
+    return found
+
+
+def linear_with_relaxation(rows: RegressionRows, omega: float) -> list[Candidate]:
+    """Return linear models with relaxing parts, whose k and b are k' and k''/omega in a sine.
+
+    In an exact sine they are those of the Kelvin-Voigt model, and the relaxing parts change
+    nothing. Behind lost motion, a sine rests at each reversal. The force then relaxes, which
+    neither a damping force nor a polynomial in the position describes.
+    """
+    parts = RelaxingParts(rows, rows.normalised(rows.record.raw_x))
+    fits, sine = FitsOfTimes(rows, parts, 1), Sine(omega, parts.size * rows.scale)
+    found = []
+    for count in range(1, MOST_PARTS + 1):
+        if not rows.allow(1 + count):
+            break
+        suitable = [one for one in search(rows, fits, count) if one.is_passive]
+        found += [
+            fit_candidate(rows, 1, one.times, *parts.signals(one.times), sine=sine)
+            for one in sorted(suitable)[:1]
+        ]
     return found
 
 

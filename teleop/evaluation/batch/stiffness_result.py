@@ -254,7 +254,7 @@ def stiffness_result(
     )
     lock_in = None
     if record.sinusoidal and phases.free_force is None and frequency_of_loss(local):
-        lock_in = complex_stiffness(record)
+        lock_in = complex_stiffness(record, local.curved)
     if lock_in and not local.is_linear:
         # the fundamentals determine the loss of a sine, the models also how it depends on depth
         omega = 2.0 * math.pi * record.frequency
@@ -357,7 +357,7 @@ def stiffness_result(
         depth=depth,
         secant=secant,
         secant_change=secant_change,
-        times=() if local.lag else reported_times(local.best.times),
+        times=() if local.lag or local.best.is_storage else reported_times(local.best.times),
         depth_error=0.5 * (point.high - point.low) if point else 0.0,
         depth_from=depth_from,
         b_reason=unusable.text if unusable else "",
