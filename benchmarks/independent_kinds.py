@@ -498,6 +498,7 @@ LINEAR_BODIES = (solid, consolidating, springpot)
 
 ALWAYS_ALLOWED = (
     r"damping is not resolved|^few samples|^inertia: 100 g|^a lag of the force is not known"
+    r"|friction in the specimen would have the same effect"
 )
 RELAXES = r"force relaxes|baseline"
 DEPTH = r"depends on depth"

@@ -17,7 +17,7 @@ from estimation.arrays import Floats
 from estimation.robust_error import RobustFit, bayesian_criterion
 from teleop.evaluation.batch.candidate import Candidate
 from teleop.evaluation.batch.regression_rows import RegressionRows
-from teleop.evaluation.batch.thresholds import BETTER_BIC, LONGEST_LAG
+from teleop.evaluation.batch.thresholds import BETTER_BIC, LAG_MISFIT, LONGEST_LAG
 
 LAGS = 11
 """Number of lags on the grid from 0 to `LONGEST_LAG`, before the lag is refined."""
@@ -37,7 +37,8 @@ class ForceLag(NamedTuple):
 def lag_instead_of_relaxation(rows: RegressionRows, best: Candidate) -> ForceLag | None:
     """Return the lag that describes the force at least as well as the relaxing parts of a model.
 
-    The result is None if the relaxing parts describe it better, or if the model has none.
+    The result is None if the relaxing parts describe it better, if the model has none, or if the
+    lag leaves a residual that noise does not explain.
     """
     record = rows.record
     if not best.times or best.extensions:
@@ -60,7 +61,8 @@ def lag_instead_of_relaxation(rows: RegressionRows, best: Candidate) -> ForceLag
     found = fit(lag)
     bic = bayesian_criterion(found.residual, len(found.theta) + 1)
     b = float(found.theta[rows.v_column])
-    if bic > best.bic + BETTER_BIC or b < 0.0:
+    rms = float(np.sqrt(np.mean(found.residual**2)))
+    if bic > best.bic + BETTER_BIC or b < 0.0 or rms > LAG_MISFIT * record.f_noise_smoothed:
         return None
     s = (best.position - rows.origin) / rows.scale
     slopes = np.array([n * s ** (n - 1) for n in powers]) / rows.scale

@@ -75,6 +75,7 @@ from teleop.evaluation.batch.thresholds import (
     BETTER_BIC,
     FEWEST_FIT_SAMPLES,
     FRICTION_RESIDUAL,
+    LARGEST_REST_SHARE,
     LEAST_R2_FOR_RELAXATION,
     LEAST_SPEED_CHANGE,
     LOADING_BAND,
@@ -209,7 +210,8 @@ def inseparable_loss(rows: RegressionRows, best: Candidate) -> float | None:
     path = max(float(speed.sum()), 1e-300)  # the slow samples of the reversals have little weight
     mean = float(speed @ speed) / path
     spread = math.sqrt(max(float((speed**2) @ speed) / path - mean**2, 0.0))
-    if spread > LEAST_SPEED_CHANGE * mean:
+    at_rest = float(np.mean(speed < 0.1 * mean))
+    if spread > LEAST_SPEED_CHANGE * mean or at_rest > LARGEST_REST_SHARE:
         return None
     friction = best.part(FRICTION)
     return (friction.values[0].value if friction else 0.0) + best.b * mean

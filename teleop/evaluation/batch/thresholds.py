@@ -119,6 +119,10 @@ records of 13 kinds with right signs, it is above 0.4."""
 LONGEST_LAG = 0.05
 """Longest lag of a force channel [s] that is named as a cause of negative damping. Filters of force
 sensors with a cutoff frequency of 10 Hz or more are faster, up to the third order (32 ms)."""
+LAG_MISFIT = 2.0
+"""Largest residual with a lag of the force instead of a relaxation, in standard deviations of the
+noise of the smoothed force. A lag describes the force of a body that does not relax down to the
+noise; on a poroelastic body in ramps, it leaves 11 standard deviations."""
 LARGEST_CHANGE_BY_LAG = 0.1
 """If a lag of the force describes it as well as a relaxation, the largest difference of b between
 the two, relative to b, with which b is reported. Its interval then contains both values."""
@@ -283,6 +287,9 @@ known: Dahl's model gives 7 % more than the force of an elastoplastic element.""
 LEAST_SPEED_CHANGE = 0.15
 """Smallest standard deviation of the speed over the path, relative to its mean, with which friction
 and damping are separated. It is 0.28 in a sine, and below 0.1 in a triangle wave."""
+LARGEST_REST_SHARE = 0.05
+"""Largest share of the time in contact at less than a tenth of the mean speed with which friction
+and damping are not separated. In a rest, the friction remains."""
 LEAST_SLIP_NOISE = 4.0
 """Smallest slip, in standard deviations of the noise of the smoothed position."""
 NOTABLE_STIFFENING = 0.05
