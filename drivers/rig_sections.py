@@ -283,6 +283,8 @@ class TransmissionSettings(Section):
     lost_motion_um: UpTo10000 = 0.0
     """Half width of the play between encoder and tip."""
     lost_motion_error_um: UpTo10000 = 0.0
+    lag_lost_motion_correlation: Annotated[FiniteFloat, Field(ge=-1, le=1)] = 0.0
+    """Correlation of the errors of lag and lost motion."""
     compliance_um_per_n: UpTo10000 = 0.0
     compliance_error_um_per_n: UpTo10000 = 0.0
 

@@ -46,11 +46,17 @@ class TransmissionCalibration:
     """Share s of the pure delay in the lag, from 0 to 1."""
     delay_share_error: float = 0.0
     """Half width of the 95 % interval of the share."""
+    lag_lost_motion_correlation: float = 0.0
+    """Correlation of the errors of lag and lost motion, from -1 to 1. It is negative if both were
+    measured in one record: both delay the force, and the record determines their sum best."""
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
-            if not 0.0 <= value < math.inf:
-                raise ValueError(f"{name} must be finite and at least 0, got {value:g}")
+            least = -1.0 if name == "lag_lost_motion_correlation" else 0.0
+            if not least <= value < math.inf:
+                raise ValueError(f"{name} must be finite and at least {least:g}, got {value:g}")
+        if self.lag_lost_motion_correlation > 1.0:
+            raise ValueError("lag_lost_motion_correlation must be at most 1")
         if self.delay_share > 1.0:
             raise ValueError(f"delay_share must be at most 1, got {self.delay_share:g}")
 
@@ -105,10 +111,23 @@ class TransmissionCalibration:
         An error of the lag changes b by k times the error. An error of the lost motion moves the
         position by this error against the motion, which changes b by k times the error times
         `per_speed` = mean |v| / mean v^2 [s/m]; this is 4 / (pi omega A) for a sine. `omega` is the
-        angular frequency of the motion [rad/s].
+        angular frequency of the motion [rad/s]. The errors of lag and lost motion are correlated.
         """
-        lost = self.lost_motion_error * per_speed
-        return abs(k) * math.hypot(self.force_lag_error, lost, self.form_error(omega).imag / omega)
+        return abs(k) * math.hypot(
+            self.propagated(1.0, per_speed), self.form_error(omega).imag / omega
+        )
+
+    def propagated(self, by_lag: float, by_lost_motion: float, position_error: float = 0.0) -> float:
+        """Half width of the 95 % interval of a value that the errors of lag and play cause.
+
+        The parameters are the derivatives of the value to the lag and to the lost motion.
+        `position_error` is the standard deviation of a measured position [m]: a few samples near a
+        turning point determine the state of the play until the next turning point.
+        """
+        lag, lost = by_lag * self.force_lag_error, by_lost_motion * self.lost_motion_error
+        delay = lag**2 + lost**2 + 2.0 * self.lag_lost_motion_correlation * lag * lost
+        state = LEVEL_95 * by_lost_motion * position_error if self.lost_motion else 0.0
+        return math.hypot(math.sqrt(max(delay, 0.0)), state)
 
     def at_tip(self, k: Interval) -> Interval | None:
         """Stiffness at the tip [N/m] from the stiffness `k` in series with the transmission.

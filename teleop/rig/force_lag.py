@@ -131,6 +131,8 @@ class ForceLag(NamedTuple):
     """Whether lag and lost motion can be separated. If not, `lag` is the estimate for zero lost
     motion. The confidence intervals then include every combination of lag and lost motion that
     causes the measured delay."""
+    correlation: float = 0.0
+    """Correlation of the errors of lag and lost motion; 0 if they are not separated."""
 
     def summary(self, stiffness: float | None = None) -> dict[str, Any]:
         """Return the results in SI units, with the keys of the JSON output of `teleop lag`.
@@ -200,6 +202,7 @@ class ForceLag(NamedTuple):
             compliance.high - compliance.value,
             share.value,
             max(share.high - share.value, share.value - share.low),
+            self.correlation,
         )
 
 
@@ -473,6 +476,7 @@ def measure_lag(position: Floats, force: Floats, dt: Floats) -> ForceLag:
         fit.squared**0.5,
         Interval(share, max(0.0, share - share_half), min(1.0, share + share_half)),
         True,
+        LEVEL_95**2 * float(covariance[1, 2]) / max(lag_half * lost_half, 1e-300),
     )
 
 

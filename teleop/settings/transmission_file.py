@@ -33,6 +33,7 @@ def calibration(section: TransmissionSettings) -> TransmissionCalibration:
         compliance_error=section.compliance_error_um_per_n * 1e-6,
         delay_share=section.delay_share,
         delay_share_error=section.delay_share_error,
+        lag_lost_motion_correlation=section.lag_lost_motion_correlation,
     )
 
 
@@ -82,6 +83,7 @@ def transmission_text(measured: TransmissionCalibration, origin: str) -> str:
         ("delay_share_error", measured.delay_share_error, 1.0),
         ("lost_motion_um", measured.lost_motion, 1e6),
         ("lost_motion_error_um", measured.lost_motion_error, 1e6),
+        ("lag_lost_motion_correlation", measured.lag_lost_motion_correlation, 1.0),
         ("compliance_um_per_n", measured.compliance, 1e6),
         ("compliance_error_um_per_n", measured.compliance_error, 1e6),
     )

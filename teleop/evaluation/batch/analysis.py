@@ -325,7 +325,12 @@ def analyse(signals: Signals, transmission: TransmissionCalibration = RIGID) -> 
     if found is None:
         return analysis
     tip = signals._replace(x=found.tip(signals.x), measured_step=signals.step)
-    known = replace(transmission, lost_motion=found.half_width, lost_motion_error=found.error)
+    known = replace(
+        transmission,
+        lost_motion=found.half_width,
+        lost_motion_error=found.error,
+        lag_lost_motion_correlation=0.0,
+    )
     # the shape of the hysteresis is not known, and the rest of it is not friction in the specimen
     corrected = fitted(tip, known, faults, friction=False)
     line = interference(corrected.record)

@@ -35,6 +35,9 @@ FRICTION = "friction"
 """Kinds of extension of a model."""
 
 
+NO_ERRORS = np.zeros((2, 2))
+
+
 class Extension(NamedTuple):
     """A part of the force besides polynomial, damping and relaxing parts."""
 
@@ -128,6 +131,8 @@ class Candidate(NamedTuple):
     """Increase of P from the lowest position to a knot, as a fraction of the elastic force."""
     is_storage: bool = False
     """Whether k and b are k' and k''/omega of a linear body that relaxes."""
+    by_transmission: Floats = NO_ERRORS
+    """Change of k, and of b (rows), per error of the calibrated lag, and of the lost motion."""
 
     @property
     def parameters(self) -> int:
@@ -309,9 +314,12 @@ def fit_candidate(
     slopes = rows.scaled_powers[:, :degree] * powers @ coefficients / rows.scale
     for at, knot in knots:
         slopes = slopes + theta[at] / rows.scale * knot_force(rows.scaled_powers[:, 1], *knot)[1]
-    k_rounding, b_rounding = rows.rounding_error(
-        np.vstack([k_effect, b_effect]) @ fit.inverse, slopes
-    )
+    to_force = np.vstack([k_effect, b_effect]) @ fit.inverse
+    k_rounding, b_rounding = rows.rounding_error(to_force, slopes)
+    # a shift of the position changes the force by the slope, in which the relaxing parts have a share
+    elastic_slope = float(slope_at(s) @ theta)
+    share = k / elastic_slope if times and elastic_slope > 0.0 else 1.0
+    by_transmission = to_force @ (share * slopes[:, None] * rows.shifts)
     smoothing_error = SMOOTHING_ERROR * k if times and not sine else 0.0
     k_fit_error, b_fit_error = (fit.deviation(e, rows.cycles) for e in (k_effect, b_effect))
 
@@ -374,6 +382,7 @@ def fit_candidate(
         parts=tuple(parts),
         share_before_knot=share_before_knot,
         is_storage=sine is not None,
+        by_transmission=by_transmission,
     )
     return found._replace(bic=bayesian_criterion(fit.residual, found.parameters))
 

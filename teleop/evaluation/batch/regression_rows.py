@@ -22,6 +22,7 @@ from teleop.evaluation.batch.masks import runs
 from teleop.evaluation.batch.smoothed_record import SmoothedRecord
 from teleop.evaluation.batch.thresholds import (
     LEAST_SPEED_NOISE,
+    LEAVING_SPEED,
     SHARP_CORNER_NOISE,
     SPARE_SAMPLES,
     STEADY_FREE_FORCE,
@@ -226,6 +227,19 @@ class RegressionRows:
         )
         moving = self.fine_v > slowest
         return moving if moving.sum() >= 4 else np.abs(self.fine_v) > 0.0
+
+    @cached_property
+    def shifts(self) -> Floats:
+        """Change of the position per error of lag and lost motion, shape (n, 2), without signs.
+
+        An error of the lag shifts the position in proportion to the velocity. An error of the lost
+        motion shifts it in the direction of the last motion, also while the tip rests.
+        """
+        v = self.record.v
+        moves = np.abs(v) > LEAVING_SPEED * float(np.percentile(np.abs(v), 95))
+        last = np.maximum.accumulate(np.where(moves, np.arange(len(v)), 0))
+        direction = self.record.smoothed(np.sign(v[last]))
+        return np.column_stack([v[self.index], direction[self.index]])
 
     @property
     def v_column(self) -> int:

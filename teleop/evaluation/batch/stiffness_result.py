@@ -241,16 +241,16 @@ def stiffness_result(
     omega = max(float(a.std()) / math.sqrt(power), 1e-3)
     half_k = math.hypot(
         LEVEL_95 * math.hypot(local.k_std, 0.5 * (local.k - second.k)),
-        transmission.stiffness_error(
-            local.k,
-            0.5 * float(np.ptp(x)),
-            omega,
+        transmission.propagated(
+            *local.best.by_transmission[0],
             math.hypot(record.x_noise, record.count / math.sqrt(12.0)),
         ),
+        local.k * transmission.form_error(omega).real,
     )
     half_b = math.hypot(
         LEVEL_95 * math.hypot(local.b_std, 0.5 * (local.b - second.b)),
-        transmission.damping_error(local.k, per_speed, omega),
+        transmission.propagated(*local.best.by_transmission[1]),
+        local.k * transmission.form_error(omega).imag / omega,
     )
     lock_in = None
     if record.sinusoidal and phases.free_force is None and frequency_of_loss(local):

@@ -403,6 +403,10 @@ SHORTEST_RELAXATION_HOLD = 0.5
 motion (backlash). Both have a similar effect on the force in a motion without such a hold."""
 REST_SPEED = 0.02
 """Largest speed at rest, relative to the 95 % quantile of the speed."""
+LEAVING_SPEED = 0.2
+"""Smoothed speed at which a tip that rested behind lost motion moves again, relative to the 95 %
+quantile of the speed. In a sine it begins to move with 0.28 to 0.47 of the largest speed, for a
+lost motion of 2 to 6 % of the amplitude, and half of it is reached in the middle of the kernel."""
 UNUSED_REST = 0.2
 """Part of a rest that is not used, at its start and at its end, as a fraction of the rest."""
 SHORTEST_REST = 0.03
