@@ -28,6 +28,7 @@ BUILT_IN = {
     "dbc": "drivers.devices.dbc:DbcDevice",
     "dynamixel": "drivers.devices.dynamixel:Dynamixel",
     "ft300": "drivers.devices.ft300:Ft300",
+    "haply": "drivers.devices.haply:Haply",
     "mit_motor": "drivers.devices.mit_motor:MitMotor",
     "moteus": "drivers.devices.moteus:Moteus",
     "odrive": "drivers.devices.odrive:ODrive",

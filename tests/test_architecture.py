@@ -17,7 +17,10 @@ import estimation
 ROOT = Path(__file__).parents[1]
 ALLOWED = {
     "estimation": {"numpy", "scipy", "numba", "pandas", "matplotlib"},
-    "drivers": {"hypothesis", "numpy", "serial", "can", "pydantic", "canopen", "cantools"},
+    "drivers": {
+        *("hypothesis", "numpy", "serial", "can", "pydantic"),
+        *("canopen", "cantools", "websockets"),
+    },
     "sim_backend": {"drivers", "numpy", "scipy", "pydantic", "can", "cantools", "tomlkit"},
     "teleop": {
         "estimation",

@@ -19,6 +19,7 @@ BUILT_IN = {
     "dbc": "sim_backend.wire.devices.dbc:EmulatedDbcDevice",
     "dynamixel": "sim_backend.wire.devices.dynamixel:EmulatedDynamixel",
     "ft300": "sim_backend.wire.devices.ft300:EmulatedFt300",
+    "haply": "sim_backend.wire.devices.haply:EmulatedHaply",
     "mit_motor": "sim_backend.wire.devices.mit_motor:EmulatedMitMotor",
     "moteus": "sim_backend.wire.devices.moteus:EmulatedMoteus",
     "odrive": "sim_backend.wire.devices.odrive:EmulatedODrive",

@@ -159,3 +159,36 @@ def test_a_lost_moteus_controller_stops_the_rig(in_memory, kind, where, fault):
     assert AT < trial.fault["time"] < AT + 0.1
     assert trial.recording["mode"][-1] == Mode.FAULT
     assert not emulator.mechanism.driven
+
+
+def run_haply(trials, kind="", where="handle", duration=0.6):
+    """Run a trial on the rig with a Haply Inverse3 as master; return the trial and the emulator."""
+    emulators = []
+    faults = [PlannedFault(kind, where, AT)] if kind else []
+    trial = trials(
+        "haply", "autonomous", duration=duration, faults=faults, prepare=emulators.append
+    ).run()
+    return trial, emulators[0]
+
+
+def test_a_trial_with_a_haply_inverse3_estimates_the_cube(in_memory):
+    trial, emulator = run_haply(in_memory, duration=4.0)
+    assert trial.fault is None
+    assert trial.recording["master_position_age"].max() < 0.02
+    assert trial.summary()["estimates"]["rls"]["k"] == pytest.approx(2000.0, rel=0.2)
+    assert not emulator.mechanism.driven
+
+
+@pytest.mark.parametrize(
+    ("kind", "where", "faults"),
+    [
+        ("silence", "handle", {Fault.STALE, Fault.DRIVE_ERROR}),
+        ("unplug", "handle", {Fault.RIG_FAILURE}),
+        ("reset", "master", {Fault.STALE, Fault.DRIVE_ERROR}),
+    ],
+)
+def test_a_lost_haply_service_stops_the_rig(in_memory, kind, where, faults):
+    trial, _ = run_haply(in_memory, kind, where)
+    assert trial.fault["fault"] in faults
+    assert AT < trial.fault["time"] < AT + 0.1
+    assert trial.recording["mode"][-1] == Mode.FAULT

@@ -89,6 +89,7 @@ def on_virtual_bus(text):
         ("cia402-ft300", str),
         ("ati-netft", str),
         ("moteus", on_virtual_bus),
+        ("haply", str),
     ],
 )
 def test_no_sequence_of_wire_faults_and_requests_leaves_a_wired_rig_moving(in_memory, name, edit):
