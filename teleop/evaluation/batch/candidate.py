@@ -316,7 +316,7 @@ def fit_candidate(
         slopes = slopes + theta[at] / rows.scale * knot_force(rows.scaled_powers[:, 1], *knot)[1]
     to_force = np.vstack([k_effect, b_effect]) @ fit.inverse
     k_rounding, b_rounding = rows.rounding_error(to_force, slopes)
-    # a shift of the position changes the force by the slope, in which the relaxing parts have a share
+    # A shift of the position changes the force by the slope, in which relaxing parts have a share.
     elastic_slope = float(slope_at(s) @ theta)
     share = k / elastic_slope if times and elastic_slope > 0.0 else 1.0
     by_transmission = to_force @ (share * slopes[:, None] * rows.shifts)
