@@ -44,6 +44,7 @@ from teleop.evaluation.batch.candidate import (
     Extension,
     fit_candidate,
     knot_force,
+    knot_terms,
 )
 from teleop.evaluation.batch.friction import friction_forces
 from teleop.evaluation.batch.regression_rows import DEGREES, RegressionRows
@@ -349,7 +350,11 @@ def fitted(rows: RegressionRows, trial: Trial, rms: float) -> Candidate | None:
             return None
     if trial.kind == FRICTION:
         values = (refined_slip(rows, base, values[0]),)
-    extension = Extension(trial.kind, values, exact_columns(rows, trial.kind, values))
+    columns = exact_columns(rows, trial.kind, values)
+    if trial.kind == KNOT and values[1]:  # the width is a parameter too, as the position is
+        width = knot_terms(rows.depth, *values).force[2]
+        columns = (*columns, rows.record.smoothed(width)[rows.index])
+    extension = Extension(trial.kind, values, columns)
     return fit_candidate(
         rows,
         base.degree,

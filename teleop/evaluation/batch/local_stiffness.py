@@ -61,7 +61,7 @@ from teleop.evaluation.batch.candidate import (
     Candidate,
     Value,
     fit_candidate,
-    knot_force,
+    knot_terms,
     pass_means,
 )
 from teleop.evaluation.batch.contact_phases import Phases
@@ -197,7 +197,8 @@ def curved_force(rows: RegressionRows, best: Candidate) -> Floats:
     at = len(best.theta) - sum(len(one.columns) for one in best.extensions)
     for one in best.extensions:
         if one.kind == KNOT:
-            force = force + best.theta[at] * knot_force(s, *one.values)[0]
+            for i, part in enumerate(knot_terms(s, *one.values).force):
+                force = force + best.theta[at + i] * part
         at += len(one.columns)
     return rows.record.smoothed(force)
 
