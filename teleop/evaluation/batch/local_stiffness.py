@@ -161,13 +161,16 @@ def local_stiffness(
         best = min(found, key=lambda one: one.bic)
         if best is not plain:
             found += linear_with_relaxation(rows, 2.0 * math.pi * record.frequency)
+    similar: list[Candidate] = []
     if follows:
-        found += extended(rows, found, friction)
+        better, similar = extended(rows, found, friction)
+        found += better
     found = [one for one in found if one.k_std < abs(one.k)] or found
-    weights = model_weights(found)
-    k, k_std = averaged(weights, [(one.k, one.k_std) for one in found])
-    b, b_std = averaged(weights, [(one.b, one.b_std) for one in found])
     best = min(found, key=lambda one: one.bic)
+    averaged_over = found + similar
+    weights = model_weights(averaged_over)
+    k, k_std = averaged(weights, [(one.k, one.k_std) for one in averaged_over])
+    b, b_std = averaged(weights, [(one.b, one.b_std) for one in averaged_over])
     k_std = math.hypot(k_std, misfit_slope(rows, best))
     slow = rows.basis[:, 1:] @ best.theta[1 : rows.v_column]
     return LocalStiffness(
