@@ -42,7 +42,7 @@ import independent_bodies as physics
 import independent_kinds as kinds
 import numpy as np
 from independent import Case, simulate
-from independent_bodies import Array, Linear
+from independent_bodies import Linear
 from independent_kinds import Draw
 from interval_coverage_records import (
     SpringRecord,

@@ -117,7 +117,9 @@ class TransmissionCalibration:
             self.propagated(1.0, per_speed), self.form_error(omega).imag / omega
         )
 
-    def propagated(self, by_lag: float, by_lost_motion: float, position_error: float = 0.0) -> float:
+    def propagated(
+        self, by_lag: float, by_lost_motion: float, position_error: float = 0.0
+    ) -> float:
         """Half width of the 95 % interval of a value that the errors of lag and play cause.
 
         The parameters are the derivatives of the value to the lag and to the lost motion.

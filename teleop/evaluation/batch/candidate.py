@@ -315,7 +315,7 @@ def fit_candidate(
             slopes = slopes + theta[at + i] / rows.scale * part
     to_force = np.vstack([k_effect, b_effect]) @ fit.inverse
     k_rounding, b_rounding = rows.rounding_error(to_force, slopes)
-    # a shift of the position changes the force by the slope, in which the relaxing parts have a share
+    # a shift of the position changes the force by the slope, with that of the relaxing parts
     elastic_slope = float(slope_at(s) @ theta)
     share = k / elastic_slope if times and elastic_slope > 0.0 else 1.0
     by_transmission = to_force @ (share * slopes[:, None] * rows.shifts)

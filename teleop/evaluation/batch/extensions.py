@@ -117,9 +117,7 @@ class Extended(NamedTuple):
     the others, because their k is a possible one, but the result does not state their layers."""
 
 
-def extended(
-    rows: RegressionRows, found: Sequence[Candidate], friction: bool = True
-) -> Extended:
+def extended(rows: RegressionRows, found: Sequence[Candidate], friction: bool = True) -> Extended:
     """Return the extended candidates that describe the force better than those already found.
 
     `friction` states whether they may contain friction in the specimen.

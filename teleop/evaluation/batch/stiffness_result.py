@@ -239,17 +239,16 @@ def stiffness_result(
     # the largest frequencies of the motion determine the effect of the form of the lag
     a = np.gradient(record.v, record.period)[phases.usable]
     omega = max(float(a.std()) / math.sqrt(power), 1e-3)
+    (k_by_lag, k_by_lost_motion), (b_by_lag, b_by_lost_motion) = local.best.by_transmission.tolist()
+    position_error = math.hypot(record.x_noise, record.count / math.sqrt(12.0))
     half_k = math.hypot(
         LEVEL_95 * math.hypot(local.k_std, 0.5 * (local.k - second.k)),
-        transmission.propagated(
-            *local.best.by_transmission[0],
-            math.hypot(record.x_noise, record.count / math.sqrt(12.0)),
-        ),
+        transmission.propagated(k_by_lag, k_by_lost_motion, position_error),
         local.k * transmission.form_error(omega).real,
     )
     half_b = math.hypot(
         LEVEL_95 * math.hypot(local.b_std, 0.5 * (local.b - second.b)),
-        transmission.propagated(*local.best.by_transmission[1]),
+        transmission.propagated(b_by_lag, b_by_lost_motion),
         local.k * transmission.form_error(omega).imag / omega,
     )
     lock_in = None
