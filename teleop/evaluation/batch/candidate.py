@@ -215,14 +215,16 @@ def fit_candidate(
     for c, z in zip(theta[first + degree :], cornered, strict=False):
         elastic = elastic + c * z[index]
     for at, knot in knots:
-        elastic = elastic + theta[at] * knot_force(rows.fine_powers[:, 0], *knot)[0]
+        for i, part in enumerate(knot_terms(rows.fine_powers[:, 0], *knot).force):
+            elastic = elastic + theta[at + i] * part
 
     def slope_at(s: float) -> Floats:
         """Derivative of P(x), including a knot, to the position, for each parameter, (m,)."""
         found = np.zeros(m)
         found[first : first + degree] = powers * s ** (powers - 1) / rows.scale
         for at, knot in knots:
-            found[at] = float(knot_force(s, *knot)[1]) / rows.scale
+            slope = knot_terms(s, *knot).slope
+            found[at : at + len(slope)] = np.array(slope) / rows.scale
         return found
 
     def effect(i: int) -> Floats:
@@ -234,7 +236,10 @@ def fit_candidate(
 
     def with_knots(found: Floats, s: float) -> Floats:
         for at, knot in knots:
-            found[at], found[at + 1], _ = knot_force(s, *knot)
+            parts = knot_terms(s, *knot).force
+            found[at : at + len(parts)] = parts
+            if knot[1] == 0.0:
+                found[at + 1] = float(s > knot[0])
         return found
 
     # Half of the force range, and its derivative to each parameter. If the force out of contact is
@@ -281,7 +286,9 @@ def fit_candidate(
     # moves by (change of the force level - change of the elastic force) / k, and k changes with
     # the position by P''(x).
     curvature = float(coefficients[1:] @ (powers[1:] * (powers[1:] - 1) * s ** (powers[1:] - 2)))
-    curvature += sum(float(theta[at] * knot_force(s, *knot)[2]) for at, knot in knots)
+    for at, knot in knots:
+        terms = knot_terms(s, *knot).curvature
+        curvature += float(theta[at : at + len(terms)] @ np.array(terms))
     curvature /= rows.scale**2
     elastic_effect = effect(nearest)
     elastic_effect[first : first + degree] = s**powers
@@ -313,10 +320,11 @@ def fit_candidate(
 
     slopes = rows.scaled_powers[:, :degree] * powers @ coefficients / rows.scale
     for at, knot in knots:
-        slopes = slopes + theta[at] / rows.scale * knot_force(rows.scaled_powers[:, 1], *knot)[1]
+        for i, part in enumerate(knot_terms(rows.scaled_powers[:, 1], *knot).slope):
+            slopes = slopes + theta[at + i] / rows.scale * part
     to_force = np.vstack([k_effect, b_effect]) @ fit.inverse
     k_rounding, b_rounding = rows.rounding_error(to_force, slopes)
-    # A shift of the position changes the force by the slope, in which relaxing parts have a share.
+    # a shift of the position changes the force by the slope, with that of the relaxing parts
     elastic_slope = float(slope_at(s) @ theta)
     share = k / elastic_slope if times and elastic_slope > 0.0 else 1.0
     by_transmission = to_force @ (share * slopes[:, None] * rows.shifts)
@@ -336,7 +344,7 @@ def fit_candidate(
             spread = fit.deviation(np.eye(m)[at + 1], rows.cycles) / size
             at_knot = one.values[0]
             below = slope_at(at_knot)
-            below[at] = 0.0
+            below[at : at + len(one.columns)] = 0.0
             above = below + unit / rows.scale
             place_of = Value(rows.origin + at_knot * rows.scale, spread * rows.scale)
             parts.append(FittedPart(KNOT, (place_of, value(below), value(above))))
@@ -394,6 +402,33 @@ def knot_force(s: Any, knot: float, width: float) -> tuple[Any, Any, Any]:
     u = (s - knot) / width
     step = expit(u)
     return width * np.logaddexp(0.0, u), step, step * (1.0 - step) / width
+
+
+class KnotTerms(NamedTuple):
+    """The force of a knot of slope 1, and its derivatives to position and width of the knot.
+
+    Each of the tuples contains these terms. A sharp knot has only the force.
+    """
+
+    force: tuple[Any, ...]
+    slope: tuple[Any, ...]
+    """First derivatives of the terms to s."""
+    curvature: tuple[Any, ...]
+    """Second derivatives of the terms to s."""
+
+
+def knot_terms(s: Any, knot: float, width: float) -> KnotTerms:
+    """Return the terms of a knot at normalised positions s; that of its position without sign."""
+    force, step, bell = knot_force(s, knot, width)
+    if width == 0.0:
+        return KnotTerms((force,), (step,), (bell,))
+    u = (s - knot) / width
+    change = bell * (1.0 - 2.0 * step) / width
+    return KnotTerms(
+        (force, step, force / width - u * step),
+        (step, bell, -u * bell),
+        (bell, change, -bell / width - u * change),
+    )
 
 
 def surroundings(x: Floats, at: int, most: int, record: SmoothedRecord) -> tuple[int, int]:

@@ -44,6 +44,7 @@ from teleop.evaluation.batch.candidate import (
     Extension,
     fit_candidate,
     knot_force,
+    knot_terms,
 )
 from teleop.evaluation.batch.friction import friction_forces
 from teleop.evaluation.batch.regression_rows import DEGREES, RegressionRows
@@ -106,19 +107,28 @@ class Trial(NamedTuple):
     values: tuple[float, ...]
 
 
-def extended(
-    rows: RegressionRows, found: Sequence[Candidate], friction: bool = True
-) -> list[Candidate]:
+class Extended(NamedTuple):
+    """Extended candidates."""
+
+    better: list[Candidate]
+    """Those that describe the force clearly better than the candidates without extension."""
+    similar: list[Candidate]
+    """Those with a knot that are neither clearly better nor clearly worse. They are averaged with
+    the others, because their k is a possible one, but the result does not state their layers."""
+
+
+def extended(rows: RegressionRows, found: Sequence[Candidate], friction: bool = True) -> Extended:
     """Return the extended candidates that describe the force better than those already found.
 
     `friction` states whether they may contain friction in the specimen.
     """
     kept: list[Candidate] = []
+    similar: list[Candidate] = []
     best = min(found, key=lambda one: one.bic)
     size = math.sqrt(float(np.mean(rows.fits.rest**2)))
     rounding = abs(best.k) * rows.record.count / math.sqrt(12.0)
     if best.rms < max(LEAST_MISFIT * size, rounding):
-        return kept
+        return Extended(kept, similar)
     bases = base_models(best)
     for _ in range(MOST_EXTENSIONS):
         new: list[Candidate] = []
@@ -126,15 +136,15 @@ def extended(
         for kind in kinds(rows, best):
             if kind == FRICTION and not friction:
                 continue
-            new += [
-                one
-                for trial in screening.best_trials(bases, kind, best)
-                if (one := fitted(rows, trial, best.rms))
-                and is_physical(one)
-                and share_of_force(rows, one) > LEAST_PART
-                and gain(best, one) > BETTER_BIC
-                and (kind != FRICTION or explains_more(rows, best, one))
-            ]
+            for trial in screening.best_trials(bases, kind, best):
+                one = fitted(rows, trial, best.rms)
+                if not (one and is_physical(one) and share_of_force(rows, one) > LEAST_PART):
+                    continue
+                better = gain(best, one)
+                if better > BETTER_BIC and (kind != FRICTION or explains_more(rows, best, one)):
+                    new.append(one)
+                elif kind == KNOT and better > -BETTER_BIC:
+                    similar.append(one)
         if not new:
             break
         kept += new
@@ -143,7 +153,7 @@ def extended(
             Base(degree, best.times, best.relaxing, best.cornered, best.extensions)
             for degree in dict.fromkeys([*DEGREES[:2], best.degree])
         ]
-    return kept
+    return Extended(kept, similar)
 
 
 def base_models(best: Candidate) -> list[Base]:
@@ -349,7 +359,11 @@ def fitted(rows: RegressionRows, trial: Trial, rms: float) -> Candidate | None:
             return None
     if trial.kind == FRICTION:
         values = (refined_slip(rows, base, values[0]),)
-    extension = Extension(trial.kind, values, exact_columns(rows, trial.kind, values))
+    columns = exact_columns(rows, trial.kind, values)
+    if trial.kind == KNOT and values[1]:  # the width is a parameter too, as the position is
+        width = knot_terms(rows.depth, *values).force[2]
+        columns = (*columns, rows.record.smoothed(width)[rows.index])
+    extension = Extension(trial.kind, values, columns)
     return fit_candidate(
         rows,
         base.degree,

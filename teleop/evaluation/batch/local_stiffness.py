@@ -62,7 +62,7 @@ from teleop.evaluation.batch.candidate import (
     Candidate,
     Value,
     fit_candidate,
-    knot_force,
+    knot_terms,
     pass_means,
 )
 from teleop.evaluation.batch.contact_phases import Phases
@@ -170,13 +170,16 @@ def local_stiffness(
         best = min(found, key=lambda one: one.bic)
         if best is not plain:
             found += linear_with_relaxation(rows, 2.0 * math.pi * record.frequency)
+    similar: list[Candidate] = []
     if follows:
-        found += extended(rows, found, friction)
+        better, similar = extended(rows, found, friction)
+        found += better
     found = [one for one in found if one.k_std < abs(one.k)] or found
-    weights = model_weights(found)
-    k, k_std = averaged(weights, [(one.k, one.k_std) for one in found])
-    b, b_std = averaged(weights, [(one.b, one.b_std) for one in found])
     best = min(found, key=lambda one: one.bic)
+    averaged_over = found + similar
+    weights = model_weights(averaged_over)
+    k, k_std = averaged(weights, [(one.k, one.k_std) for one in averaged_over])
+    b, b_std = averaged(weights, [(one.b, one.b_std) for one in averaged_over])
     lag = lag_instead_of_relaxation(rows, best)
     k_std = math.hypot(k_std, misfit_slope(rows, best), k - lag.k if lag else 0.0)
     b_std = math.hypot(b_std, b - lag.b if lag else 0.0)
@@ -227,7 +230,8 @@ def curved_force(rows: RegressionRows, best: Candidate) -> Floats:
     at = len(best.theta) - sum(len(one.columns) for one in best.extensions)
     for one in best.extensions:
         if one.kind == KNOT:
-            force = force + best.theta[at] * knot_force(s, *one.values)[0]
+            for i, part in enumerate(knot_terms(s, *one.values).force):
+                force = force + best.theta[at + i] * part
         at += len(one.columns)
     return rows.record.smoothed(force)
 

@@ -189,7 +189,10 @@ def measured_point(
         return Point(float(force), float(position))
     points = [one.point for one in slopes]
     nearest = min(points, key=lambda point: abs(point.position - stated.position))
-    point = point_of(np.array([one.force for one in points]), nearest.position, local)
+    position, travel = nearest.position, float(np.ptp(record.x[phases.usable]))
+    if abs(position - stated.position) < POINT_DISTANCE * travel:
+        position = stated.position  # the cubic of a cycle is not exact, and k changes with position
+    point = point_of(np.array([one.force for one in points]), position, local)
     beyond = difference + half if difference > least else 0.0
     return point._replace(difference=max(beyond, point.difference))
 

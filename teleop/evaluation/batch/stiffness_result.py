@@ -239,20 +239,16 @@ def stiffness_result(
     # the largest frequencies of the motion determine the effect of the form of the lag
     a = np.gradient(record.v, record.period)[phases.usable]
     omega = max(float(a.std()) / math.sqrt(power), 1e-3)
-    by_lag, by_lost_motion = map(float, local.best.by_transmission[0])
+    (k_by_lag, k_by_lost_motion), (b_by_lag, b_by_lost_motion) = local.best.by_transmission.tolist()
+    position_error = math.hypot(record.x_noise, record.count / math.sqrt(12.0))
     half_k = math.hypot(
         LEVEL_95 * math.hypot(local.k_std, 0.5 * (local.k - second.k)),
-        transmission.propagated(
-            by_lag,
-            by_lost_motion,
-            math.hypot(record.x_noise, record.count / math.sqrt(12.0)),
-        ),
+        transmission.propagated(k_by_lag, k_by_lost_motion, position_error),
         local.k * transmission.form_error(omega).real,
     )
-    by_lag, by_lost_motion = map(float, local.best.by_transmission[1])
     half_b = math.hypot(
         LEVEL_95 * math.hypot(local.b_std, 0.5 * (local.b - second.b)),
-        transmission.propagated(by_lag, by_lost_motion),
+        transmission.propagated(b_by_lag, b_by_lost_motion),
         local.k * transmission.form_error(omega).imag / omega,
     )
     lock_in = None
