@@ -21,7 +21,7 @@ WINDOW = 0.1
 """Time constant with which the energy balance of a coupling forgets [s]."""
 NOTICEABLE = 1e-4
 """Generated energy that is not reported, because it can be caused by sensor noise [J]."""
-GENERATED = 0.1
+GENERATED = 0.03
 """Largest ratio of the generated energy to the energy that passes through the coupling."""
 MOST_STRETCH = 2.0
 """Largest stretch of a coupling, in multiples of that at the greatest force of the drive."""
