@@ -153,6 +153,14 @@ class Candidate(NamedTuple):
         return np.asarray(sum(parts, start=np.zeros(1)))
 
     @property
+    def relaxing_sizes(self) -> Floats:
+        """Standard deviations of the relaxing parts [N], one for each time constant."""
+        coefficients = self.theta[self._first_relaxing :][: len(self.times)]
+        return np.array(
+            [abs(c) * np.std(z) for c, z in zip(coefficients, self.relaxing, strict=False)]
+        )
+
+    @property
     def _first_relaxing(self) -> int:
         extended = sum(len(one.columns) for one in self.extensions)
         return len(self.theta) - extended - len(self.relaxing)
@@ -211,9 +219,19 @@ def fit_candidate(
     # The elastic force P(x) + sum_j c_j z_j at the samples in contact, without b v and baseline.
     # Sharp corners are kept, because smoothing would make the force range too small.
     index = rows.fine
+    storage = np.zeros(m)
+    if sine:
+        # the response of z' = (x' / size) - z / tau is j omega tau / (1 + j omega tau) / size
+        storage[first] = 1.0 / rows.scale
+        tau = np.array(times)
+        response = tau / (1.0 + (sine.omega * tau) ** 2) / sine.size
+        own = slice(first + 1, first + 1 + len(times))
+        storage[own] = sine.omega**2 * tau * response
     elastic = rows.fine_powers[:, :degree] @ coefficients
     for c, z in zip(theta[first + degree :], cornered, strict=False):
         elastic = elastic + c * z[index]
+    if sine:
+        elastic = float(storage @ theta) * rows.scale * rows.fine_powers[:, 0]
     for at, knot in knots:
         for i, part in enumerate(knot_terms(rows.fine_powers[:, 0], *knot).force):
             elastic = elastic + theta[at + i] * part
@@ -297,13 +315,8 @@ def fit_candidate(
     b_effect = np.zeros(m)
     b_effect[rows.v_column] = 1.0
     if sine:
-        # the response of z' = (x' / size) - z / tau is j omega tau / (1 + j omega tau) / size
-        k_effect = np.zeros(m)
-        k_effect[first] = 1.0 / rows.scale
-        tau = np.array(times)
-        response = tau / (1.0 + (sine.omega * tau) ** 2) / sine.size
-        own = slice(first + 1, first + 1 + len(times))
-        k_effect[own], b_effect[own] = sine.omega**2 * tau * response, response
+        k_effect = storage
+        b_effect[own] = response
         k, path_error = float(k_effect @ theta), 0.0
     orders = np.arange(1, depth_damping.stop - depth_damping.start + 1)
     b_effect[depth_damping] = s**orders

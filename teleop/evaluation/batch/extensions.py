@@ -174,9 +174,7 @@ def without_fast_parts(rows: RegressionRows, base: Base) -> Base:
     that depends on depth. Beside such damping it is not identifiable. It then describes the misfit
     of the model, and changes b by as much as its own damping.
     """
-    x, v = rows.record.x[rows.index], rows.record.v[rows.index]
-    slowest = float(np.std(x)) / max(float(np.std(v)), 1e-300)
-    slow = [i for i, tau in enumerate(base.times) if tau > slowest]
+    slow = [i for i, tau in enumerate(base.times) if tau > rows.time_of_motion]
     # with the decays from before the record, there are more signals than time constants
     kept = [i for i in range(len(base.relaxing)) if i % max(len(base.times), 1) in slow]
     return base._replace(

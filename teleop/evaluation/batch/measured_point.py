@@ -151,7 +151,9 @@ def measured_point(
     """Return the recorded point at which k is stated, or the reason why k is not reported."""
     stated = Point(local.best.force, local.best.position)
     if record.order == 0:
-        return loading_point(record, phases, local) or not_measured(stated)
+        # k' of a linear body is the same at all points
+        other = stated if local.best.is_storage else not_measured(stated)
+        return loading_point(record, phases, local) or other
     slopes = slopes_of_cycles(record, phases, local.best, stated.force)
     elsewhere = len(slopes) < FEWEST_SLOPE_CYCLES
     if elsewhere:

@@ -229,6 +229,12 @@ class RegressionRows:
         return moving if moving.sum() >= 4 else np.abs(self.fine_v) > 0.0
 
     @cached_property
+    def time_of_motion(self) -> float:
+        """Inverse of the angular frequency of the motion [s], from the deviations of x and v."""
+        x, v = self.record.x[self.index], self.record.v[self.index]
+        return float(np.std(x)) / max(float(np.std(v)), 1e-300)
+
+    @cached_property
     def shifts(self) -> Floats:
         """Change of the position per error of lag and lost motion, shape (n, 2), without signs.
 

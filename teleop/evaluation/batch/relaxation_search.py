@@ -18,7 +18,7 @@ from estimation.batch_models.relaxation import relaxing_part, value_at_start
 from teleop.evaluation.batch.candidate import Candidate, Sine, fit_candidate
 from teleop.evaluation.batch.regression_rows import RegressionRows, with_corners
 from teleop.evaluation.batch.smoothed_record import measurement_noise
-from teleop.evaluation.batch.thresholds import NEGLIGIBLE_BIC, SAME_TIME_RATIO
+from teleop.evaluation.batch.thresholds import LEAST_PART, NEGLIGIBLE_BIC, SAME_TIME_RATIO
 
 TIMES = 10
 """Number of time constants on the grid. They are between 4 widths of the smoothing kernel and
@@ -108,12 +108,25 @@ def with_relaxation(
                 break
             suitable = [one for one in search(rows, fits, count) if one.is_passive]
             least_bic = min([least_bic, *(one.bic for one in suitable)])
-            found += [
+            fitted = (
                 fit_candidate(rows, degree, one.times, *parts.signals(one.times))
                 for one in sorted(suitable)[:MOST_MODELS]
                 if one.bic <= least_bic + NEGLIGIBLE_BIC
-            ]
+            )
+            found += [one for one in fitted if fast_parts_count(rows, one)]
     return found
+
+
+def fast_parts_count(rows: RegressionRows, one: Candidate) -> bool:
+    """Return whether all relaxing parts that are faster than the motion are large enough.
+
+    For omega tau < 1, a relaxing part is to first order a damping force. A small one is rather an
+    error of the model, such as the lag of a damping force behind a compliance. It would take its
+    damping from b.
+    """
+    fast = np.array(one.times) < rows.time_of_motion
+    least = LEAST_PART * math.sqrt(float(np.mean(rows.fits.rest**2)))
+    return bool(np.all(one.relaxing_sizes[fast] > least))
 
 
 def linear_with_relaxation(rows: RegressionRows, omega: float) -> list[Candidate]:
