@@ -247,7 +247,7 @@ fractions of k and b."""
 
 
 def disagreement_lines(summary: Mapping[str, Any]) -> list[str]:
-    """Return where online estimates differ from the result, as at most one line for k and for b.
+    """Return where online estimates differ from the result, as at most one line.
 
     The b of an estimator must also differ by more than its interval and that of the result.
     """
@@ -266,15 +266,15 @@ def disagreement_lines(summary: Mapping[str, Any]) -> list[str]:
         others = [
             name for name, row in rows if abs(row["b_end"] - b) > max(least, row["b_interval"])
         ]
-    return [
-        f"{symbol} of {', '.join(found)} differs by more than {limit:.0%} from the result: "
-        "publish the result"
+    differences = [
+        f"{symbol} of {', '.join(found)} differs by >{limit:.0%}"
         for symbol, found, limit in (
             ("k", names, LARGEST_DIFFERENCE),
             ("b", others, LARGEST_DIFFERENCE_OF_B),
         )
         if found
     ]
+    return [f"publish the result: {', '.join(differences)}"] if differences else []
 
 
 def evaluation_lines(summary: Mapping[str, Any]) -> list[str]:

@@ -401,7 +401,7 @@ def test_a_series_without_a_trial_that_is_done_is_refused(series, tmp_path, caps
 
 
 def test_a_table_is_written_as_csv_latex_and_markdown(series, tmp_path, capsys):
-    run = ["run", "--clock", "virtual", "--duration", "0.1", "--condition", "autonomous"]
+    run = ["run", "--clock", "virtual", "--duration", "0.06", "--condition", "autonomous"]
     run += ["--cube", "medium", "--estimators", "rls,me", "--record", str(tmp_path / "short.mcap")]
     assert main(run) == 0
     two = [min((series / "recordings").iterdir()), tmp_path / "short.mcap"]

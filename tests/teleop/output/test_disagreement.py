@@ -16,13 +16,13 @@ def summary(*, identifiable=True, b=None, **k):
 
 def test_estimators_that_differ_from_the_result_are_named():
     (line,) = disagreement_lines(summary(rls=18.1, ai=540.0, me=600.0, kalman=math.nan))
-    assert line.startswith("k of rls, me differs by more than 10% from the result")
+    assert line == "publish the result: k of rls, me differs by >10%"
 
 
 def test_a_damping_that_differs_from_the_result_is_named():
     assert disagreement_lines(summary(rls=500.0, b=3.9))
     (line,) = disagreement_lines(summary(rls=500.0, ai=500.0, b=-19.3))
-    assert line.startswith("b of rls, ai differs by more than 50% from the result")
+    assert line == "publish the result: b of rls, ai differs by >50%"
     unresolved = summary(rls=500.0, b=-19.3)
     unresolved["result"]["b_reason"] = "damping is not resolved"
     assert not disagreement_lines(unresolved)

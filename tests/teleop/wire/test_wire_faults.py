@@ -240,7 +240,7 @@ def test_error_frames_do_not_stop_the_run_while_other_frames_arrive(in_memory):
 
 def test_a_board_of_another_version_is_refused_at_the_start(stepped):
     def newer(emulator):
-        emulator.devices["board"].version = 2
+        emulator.devices["board"].version = 3
 
-    with pytest.raises(RigError, match="protocol version 2, expected 1"):
+    with pytest.raises(RigError, match="protocol version 3, expected 1 or 2"):
         stepped("serial-board", prepare=newer).run()
