@@ -86,6 +86,15 @@ def test_the_intervals_hold_lag_and_lost_motion_about_as_often_as_they_say(
     assert (held >= 16).all(), held
 
 
+def test_the_errors_of_lag_and_lost_motion_have_the_stated_correlation():
+    found = [measure_lag(*spring(3e-3, seed, 0.05, 4e-5, rate=200)) for seed in range(24)]
+    errors = np.array([[one.lag.value, one.lost_motion.value] for one in found])
+    stated = float(np.mean([one.correlation for one in found]))
+    assert stated < -0.5
+    assert float(np.corrcoef(errors.T)[0, 1]) == pytest.approx(stated, abs=0.25)
+    assert found[0].calibration().lag_lost_motion_correlation == found[0].correlation
+
+
 @pytest.mark.parametrize(("lag", "lost_motion"), [(6e-3, 0.0), (4.4e-3, 40e-6), (1e-3, 100e-6)])
 def test_one_amplitude_and_one_frequency_do_not_separate_them(lag, lost_motion):
     found = measure_lag(*spring(lag, 0, 0.02, lost_motion, one_sine))
