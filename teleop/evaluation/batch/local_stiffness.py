@@ -41,8 +41,8 @@ References
 ----------
 Y. C. Fung, "Biomechanics: mechanical properties of living tissues", 2nd ed., Springer, 1993
 (chapter 7, quasi-linear viscoelasticity); S. T. Buckland, K. P. Burnham, N. H. Augustin, "Model
-selection: an integral part of inference", Biometrics 53(2), 1997; D. Turek, D. Fletcher, "Model-averaged
-Wald confidence intervals", Computational Statistics & Data Analysis 56(9), 2012.
+selection: an integral part of inference", Biometrics 53(2), 1997; D. Turek, D. Fletcher,
+"Model-averaged Wald confidence intervals", Computational Statistics & Data Analysis 56(9), 2012.
 """
 
 from __future__ import annotations
