@@ -86,13 +86,10 @@ def test_the_intervals_hold_lag_and_lost_motion_about_as_often_as_they_say(
     assert (held >= 16).all(), held
 
 
-def test_the_errors_of_lag_and_lost_motion_have_the_stated_correlation():
-    found = [measure_lag(*spring(3e-3, seed, 0.05, 4e-5, rate=200)) for seed in range(12)]
-    errors = np.array([[one.lag.value, one.lost_motion.value] for one in found])
-    stated = float(np.mean([one.correlation for one in found]))
-    assert stated < -0.5
-    assert float(np.corrcoef(errors.T)[0, 1]) < -0.5
-    assert found[0].calibration().lag_lost_motion_correlation == found[0].correlation
+def test_lag_and_lost_motion_from_one_record_have_opposite_errors():
+    found = measure_lag(*spring(3e-3, 0, 0.05, 4e-5, rate=200))
+    assert -1.0 <= found.correlation < -0.5
+    assert found.calibration().lag_lost_motion_correlation == found.correlation
 
 
 @pytest.mark.parametrize(("lag", "lost_motion"), [(6e-3, 0.0), (4.4e-3, 40e-6), (1e-3, 100e-6)])
