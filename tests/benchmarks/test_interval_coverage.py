@@ -83,16 +83,15 @@ def test_the_truth_of_a_linear_record_is_that_of_body_and_transmission_in_series
     assert coverage.true_dampings(case, result) == [pytest.approx(expected, rel=2e-3)]
 
 
-def test_the_true_tangent_of_a_nonlinear_body_is_that_in_series():
+def test_the_truth_of_a_nonlinear_body_is_that_in_series_at_the_stated_position():
     case = KINDS["Hunt-Crossley, presses"].case(1, 0)
-    body, c = case.viscous, case.draw.notes["compliance"]
-    depth = 0.5 * float(case.truth.tip.max())
-    around = body.elastic(np.array([depth - 1e-7, depth, depth + 1e-7]))
-    alone = (around[2] - around[0]) / 2e-7
-    position = case.draw.origin + depth + c * around[1]
-    result = coverage.StiffnessResult(k=1.0, position=position)
-    (tangent,) = coverage.true_stiffnesses(case, result)
-    assert 1.0 / tangent == pytest.approx(1.0 / alone + c, rel=1e-3)
+    c, depth = case.draw.notes["compliance"], np.array([0.6 * float(case.truth.depth.max())])
+    position = case.draw.origin + depth + c * case.viscous.elastic(depth)
+    result = coverage.StiffnessResult(k=1.0, force=1.0, position=float(position[0]))
+    (k,), (b,) = coverage.true_stiffnesses(case, result), coverage.true_dampings(case, result)
+    alone = float(case.viscous.tangent(depth)[0])
+    np.testing.assert_allclose(1.0 / k, 1.0 / alone + c, rtol=1e-6)
+    np.testing.assert_allclose(b, case.viscous.viscosity(depth)[0] * (k / alone) ** 2, rtol=1e-6)
 
 
 def test_a_spring_is_measured_with_the_same_numbers_each_time():

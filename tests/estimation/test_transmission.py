@@ -120,3 +120,22 @@ def test_an_error_of_the_share_of_the_delay_changes_k_and_b_as_the_response(shar
 def test_a_share_above_one_is_refused():
     with pytest.raises(ValueError, match="delay_share must be at most 1"):
         TransmissionCalibration(1e-3, delay_share=1.1)
+
+
+def test_the_error_of_a_value_has_the_correlation_of_lag_and_lost_motion():
+    """The expected value is that of samples of both errors."""
+    known = TransmissionCalibration(
+        2e-3, 1e-4, force_lag_error=6e-6, lost_motion_error=2e-7, lag_lost_motion_correlation=-0.8
+    )
+    covariance = [[6e-6**2, -0.8 * 6e-6 * 2e-7], [-0.8 * 6e-6 * 2e-7, 2e-7**2]]
+    errors = np.random.default_rng(0).multivariate_normal([0.0, 0.0], covariance, 100_000)
+    by_lag, by_lost_motion = 3000.0, 1.2e5
+    spread = float(np.std(errors @ [by_lag, by_lost_motion]))
+    assert known.propagated(by_lag, by_lost_motion) == pytest.approx(spread, rel=0.02)
+
+
+def test_a_correlation_beyond_one_is_refused():
+    with pytest.raises(ValueError, match="lag_lost_motion_correlation"):
+        TransmissionCalibration(lag_lost_motion_correlation=-1.1)
+    with pytest.raises(ValueError, match="lag_lost_motion_correlation"):
+        TransmissionCalibration(lag_lost_motion_correlation=1.1)

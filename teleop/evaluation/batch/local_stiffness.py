@@ -20,12 +20,15 @@ with the force f, the position x, the velocity v and the time constants tau_j.
 
 These candidates are extended by a knot of the stiffness, by damping that depends on depth, by the
 mass beyond the force sensor, or by friction in the specimen, if this describes the force clearly
-better (`teleop.evaluation.batch.extensions`). The slope of the residual near the position of k
-widens the interval of k.
+better (`teleop.evaluation.batch.extensions`). If a linear body relaxes in a sine, its k and b are
+k' and k''/omega (`relaxation_search.linear_with_relaxation`). The slope of the residual near the
+position of k widens the interval of k.
 
 Each candidate is fitted to the smoothed samples by linear least squares. The weights of the
-candidates are computed from the Bayesian information criterion. A candidate is left out if its
-standard deviation of k is not smaller than k, unless this is so for all candidates.
+candidates are computed from the Bayesian information criterion with the effective number of
+samples. Candidates with a knot that are neither clearly better nor clearly worse are averaged with
+the others. A candidate is left out if its standard deviation of k is not smaller than k, unless
+this is so for all candidates.
 
 Each candidate gives a normal distribution of k: its mean is the k of the candidate, and its
 standard deviation is that of `estimation.robust_error`. The weighted sum of these distributions is
@@ -37,8 +40,9 @@ can make this variance very large. b and its interval are computed in the same w
 References
 ----------
 Y. C. Fung, "Biomechanics: mechanical properties of living tissues", 2nd ed., Springer, 1993
-(chapter 7, quasi-linear viscoelasticity); D. Turek, D. Fletcher, "Model-averaged
-Wald confidence intervals", Computational Statistics & Data Analysis 56(9), 2012.
+(chapter 7, quasi-linear viscoelasticity); S. T. Buckland, K. P. Burnham, N. H. Augustin, "Model
+selection: an integral part of inference", Biometrics 53(2), 1997; D. Turek, D. Fletcher,
+"Model-averaged Wald confidence intervals", Computational Statistics & Data Analysis 56(9), 2012.
 """
 
 from __future__ import annotations

@@ -86,6 +86,12 @@ def test_the_intervals_hold_lag_and_lost_motion_about_as_often_as_they_say(
     assert (held >= 16).all(), held
 
 
+def test_lag_and_lost_motion_from_one_record_have_opposite_errors():
+    found = measure_lag(*spring(3e-3, 0, 0.05, 4e-5, rate=200))
+    assert -1.0 <= found.correlation < -0.5
+    assert found.calibration().lag_lost_motion_correlation == found.correlation
+
+
 @pytest.mark.parametrize(("lag", "lost_motion"), [(6e-3, 0.0), (4.4e-3, 40e-6), (1e-3, 100e-6)])
 def test_one_amplitude_and_one_frequency_do_not_separate_them(lag, lost_motion):
     found = measure_lag(*spring(lag, 0, 0.02, lost_motion, one_sine))

@@ -8,7 +8,9 @@ import math
 import numpy as np
 import pytest
 
+from estimation.filters import Play
 from estimation.testing_records import relaxed
+from estimation.transmission import TransmissionCalibration
 from teleop.cli import main
 from teleop.evaluation.batch.analysis import analyse, motion_of
 from teleop.evaluation.batch.smoothed_record import smoothed_signals
@@ -163,3 +165,34 @@ def test_the_kind_of_b_follows_from_the_shape_of_the_motion(hold):
     assert sine == (hold == 0.0)
     assert (found.result.damping_at_hz is not None) == sine
     assert motion_of(found.record).fundamental_share == found.record.fundamental_share
+
+
+def test_a_relaxing_body_behind_lost_motion_has_its_storage_stiffness():
+    """The tip rests at each reversal, and polynomials would take the relaxation for curvature."""
+    lost = 1e-4
+    t = np.arange(0.0, 24.0, 1e-3)
+    x = 6e-3 + 2e-3 * np.sin(OMEGA * t)
+    tip = Play(lost).run(x)
+    f = 300.0 * tip + 2.0 * np.gradient(tip, t)
+    f += sum(k * relaxed(tip, 1000.0, tau) for k, tau in TIMES)
+    t, tip, f = t[::5], tip[::5], f[::5]
+    f = f + np.random.default_rng(1).normal(0.0, 1e-3, len(f))
+    signals = Signals(t, tip, f, periods(t), "position")
+    result = analyse(signals, TransmissionCalibration(lost_motion=lost)).result
+    assert result.storage_at_hz == pytest.approx(FREQUENCY, rel=0.01)
+    assert result.k == pytest.approx(STORAGE, rel=1e-3)
+    assert result.b == pytest.approx(DAMPING, rel=0.01)
+
+
+def test_the_loss_of_a_nonlinear_elastic_body_behind_lost_motion_is_that_of_its_damping():
+    """The fundamental of its elastic force has another phase than that of the position."""
+    lost = 1.5e-4
+    t = np.arange(0.0, 24.0, 5e-3)
+    tip = Play(lost).run(6e-3 + 2e-3 * np.sin(OMEGA * t))
+    u = tip - 6e-3
+    f = 3.0 + 800.0 * u + 1e5 * u**2 + 4e7 * u**3 + 1.0 * np.gradient(tip, t)
+    f += np.random.default_rng(2).normal(0.0, 1e-3, len(t))
+    signals = Signals(t, tip, f, periods(t), "position")
+    result = analyse(signals, TransmissionCalibration(lost_motion=lost)).result
+    assert result.damping_at_hz == pytest.approx(FREQUENCY, rel=0.01)
+    assert result.b == pytest.approx(1.0, rel=0.05)
