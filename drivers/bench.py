@@ -137,6 +137,7 @@ class Bench:
         self._origin = 0.0
         self.emulated = make_emulated(self)
         self._port = self._new_port()
+        self._port.connect(self.device)
 
     # The mount of the emulated device.
 
@@ -193,16 +194,12 @@ class Bench:
         port: Bus
         if isinstance(self.device, CanDevice):
             port = BenchCanBus(self)
-            port.attach(self.device.identifiers(), self.device.receive)
         elif isinstance(self.device, DatagramDevice):
             port = BenchDatagramPort(self)
-            port.attach(self.device.receive, self.device.rejected)
         elif isinstance(self.device, SerialDevice):
-            port = stream = BenchStreamPort(self)
-            stream.attach(self.device.receive)
+            port = BenchStreamPort(self)
         elif isinstance(self.device, SharedSerialDevice):
             port = SharedLine(BenchStreamPort(self))
-            port.attach(self.device)
         else:
             raise TypeError(
                 f"{type(self.device).__name__}: expected a SerialDevice, SharedSerialDevice, "
@@ -239,13 +236,10 @@ class Bench:
     def start(self) -> None:
         """Open the port, and start the driver."""
         self._port = self._new_port()
+        self._port.connect(self.device)
         self._arrived.clear()
         with self.during("start"):
-            if isinstance(self._port, SharedLine):
-                assert isinstance(self.device, SharedSerialDevice)
-                self._port.start(self.device)
-            else:
-                self.device.start(self._port)  # type: ignore[attr-defined]
+            self._port.start(self.device)
 
     def restart_emulated(self) -> None:
         """Reset the emulated device, as by an interruption of its power supply."""

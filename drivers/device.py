@@ -53,6 +53,9 @@ class Drive(ABC):
     of the drive. The methods send messages to the device, but do not wait for its answer.
     """
 
+    signal = ""
+    """Name of the signal of the device that measures the position of the drive; empty if the rig
+    does not need it."""
     reports_watchdog = True
     """Whether the device reports in `Device.error` that its watchdog has stopped the drive."""
 
@@ -112,7 +115,6 @@ class PositionDrive(Drive):
     """A drive with position control."""
 
     signal = "position"
-    """Name of the signal of the device that measures the position of the drive."""
 
     @abstractmethod
     def command(self, position: float) -> float:
@@ -156,7 +158,6 @@ class ImpedanceDrive(Drive):
     """
 
     signal = "position"
-    """Name of the signal of the device that measures the position of the drive."""
 
     def rounded(self, stiffness: float, damping: float) -> tuple[float, float]:
         """Return the gains that the drive applies in place of the wanted ones.
@@ -202,6 +203,23 @@ class ImpedanceDrive(Drive):
         tuple
             Position [m] and velocity [m/s] that will be sent. The device may round and limit them.
         """
+
+
+class OnlyDrive(Drive):
+    """The only drive of a device. The methods `enable` and `idle` of the device operate it."""
+
+    def __init__(self, device: Any) -> None:
+        self._device = device
+
+    def enable(self) -> bool:
+        """Request operation; return whether the drive is in operation."""
+        enabled: bool = self._device.enable()
+        return enabled
+
+    def idle(self) -> bool:
+        """Request that the drive leaves operation; return whether it has confirmed it."""
+        stopped: bool = self._device.idle()
+        return stopped
 
 
 class Device(ABC):

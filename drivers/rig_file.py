@@ -34,6 +34,7 @@ from drivers.problems import syntax_problem, value_problem
 from drivers.registry import device_class, kinds
 from drivers.rig import UNITS, RigError
 from drivers.rig_sections import (
+    USUAL_RATE,
     AnyBusSettings,
     DriveSettings,
     MeasurementSettings,
@@ -315,6 +316,8 @@ def axis_problems(name: str, rig: RigFile, devices: Mapping[str, Device]) -> Ite
     device = devices[settings.device]
     drive = device.drives[sole_drive(device, settings.drive)]
     given = settings.model_fields_set
+    period = 1.0 / (rig.sections.rate_hz or USUAL_RATE)  # None if the rate is invalid
+    coupling = coupling_of(settings, period)
     if not isinstance(drive, ForceDrive | ImpedanceDrive):
         accepts = "positions" if isinstance(drive, PositionDrive) else "velocities"
         for key in FOR_FORCES:
@@ -329,29 +332,23 @@ def axis_problems(name: str, rig: RigFile, devices: Mapping[str, Device]) -> Ite
         )
     elif rig.sections.channels.position_of(name) is None:
         yield f": expected the channel {name}_position, because the drive accepts forces"
-    elif isinstance(drive, ForceDrive) and settings.stiffness_n_per_m is not None:
-        coupling = coupling_of(settings, 1.0 / rig.sections.rate_hz)
-        if coupling and (problem := coupling.problem(1.0 / rig.sections.rate_hz)):
-            yield f".stiffness_n_per_m: {problem}"
-    elif isinstance(drive, ImpedanceDrive):
-        coupling = coupling_of(settings, 1.0 / rig.sections.rate_hz)
-        if coupling and (problem := rounding_problem(drive, coupling)):
-            yield problem
-    signal = getattr(drive, "signal", None)
-    if signal is not None and signal not in device.signals():
-        yield f".device: expected a signal {signal} of the device {device.name}"
+    elif coupling and isinstance(drive, ImpedanceDrive):
+        yield from rounding_problems(drive, coupling)
+    elif settings.stiffness_n_per_m is not None and coupling and (bad := coupling.problem(period)):
+        yield f".stiffness_n_per_m: {bad}"
+    if drive.signal and drive.signal not in device.signals():
+        yield f".device: expected a signal {drive.signal} of the device {device.name}"
 
 
-def rounding_problem(drive: ImpedanceDrive, coupling: CouplingParameters) -> str:
-    """Return a text if the gains that a drive can apply are too coarse or small; else empty."""
+def rounding_problems(drive: ImpedanceDrive, coupling: CouplingParameters) -> Iterator[str]:
+    """Yield a text for each gain that the drive applies with a large rounding error."""
     stiffness, damping = drive.rounded(coupling.stiffness, coupling.damping)
     for key, wanted, found, unit in (
         ("stiffness_n_per_m", coupling.stiffness, stiffness, "N/m"),
         ("damping_ns_per_m", coupling.damping, damping, "N s/m"),
     ):
         if abs(found - wanted) > ROUNDING * wanted:
-            return (
+            yield (
                 f": {key} of {wanted:.4g} {unit}: the motor would apply {found:.4g} {unit}: "
                 f"expected a value that it can apply with an error of at most {ROUNDING:.0%}"
             )
-    return ""

@@ -18,6 +18,8 @@ NonNegative = Annotated[FiniteFloat, Field(ge=0)]
 UpTo1 = Annotated[FiniteFloat, Field(ge=0, le=1)]
 UpTo500 = Annotated[FiniteFloat, Field(ge=0, le=500)]
 PortNumber = Annotated[int, Field(ge=1, le=65_535)]
+USUAL_RATE = 1000.0
+"""Rate of the control loop if the rig file states none [Hz]."""
 UpTo10000 = Annotated[FiniteFloat, Field(ge=0, le=10_000)]
 
 
@@ -297,7 +299,7 @@ class RigSections(Section):
     """
 
     name: Annotated[str, Field(min_length=1)]
-    rate_hz: Annotated[FiniteFloat, Field(ge=50, le=100_000)] = 1000.0
+    rate_hz: Annotated[FiniteFloat, Field(ge=50, le=100_000)] = USUAL_RATE
     buses: Annotated[dict[str, BusSettings], Field(min_length=1)]
     channels: ChannelsSettings
     drives: DrivesSettings

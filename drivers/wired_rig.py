@@ -9,13 +9,10 @@ from typing import NamedTuple
 
 from drivers.axes import Axis, CoupledAxis, make_axis
 from drivers.device import (
-    CanDevice,
-    DatagramDevice,
     DerivedDevice,
     Device,
     Drive,
     Sample,
-    SerialDevice,
     SharedSerialDevice,
     sole_drive,
 )
@@ -127,7 +124,7 @@ class WiredRig(Rig):
         position = sections.channels.position_of(name)
 
         def reading() -> float:
-            return device.samples[getattr(drive, "signal", "")].value
+            return device.samples[drive.signal].value
 
         return make_axis(
             drive,
@@ -173,23 +170,11 @@ class WiredRig(Rig):
             bus.open()
             bus.pump = self._poll
         for device in self.devices.values():
-            if isinstance(device, SerialDevice):
-                self._port_of(device).attach(device.receive)
-            elif isinstance(device, CanDevice):
-                self._can_bus_of(device).attach(device.identifiers(), device.receive)
-            elif isinstance(device, DatagramDevice):
-                self._datagram_port_of(device).attach(device.receive, device.rejected)
-            elif isinstance(device, SharedSerialDevice):
-                self._line_of(device).attach(device)
+            if own := self._bus_of(device):
+                own.connect(device)
         for device in self.devices.values():
-            if isinstance(device, SerialDevice):
-                device.start(self._port_of(device))
-            elif isinstance(device, CanDevice):
-                device.start(self._can_bus_of(device))
-            elif isinstance(device, DatagramDevice):
-                device.start(self._datagram_port_of(device))
-            elif isinstance(device, SharedSerialDevice):
-                self._line_of(device).start(device)
+            if own := self._bus_of(device):
+                own.start(device)
             elif isinstance(device, DerivedDevice):
                 device.start(self.devices)
         end = self._now() + FIRST_SAMPLES
@@ -218,25 +203,10 @@ class WiredRig(Rig):
             parts.append(f"{name} ({device.name} on {bus}{instead})")
         return ", ".join(parts)
 
-    def _port_of(self, device: SerialDevice) -> StreamPort:
-        port = self.buses[device.settings.bus]
-        assert isinstance(port, StreamPort)
-        return port
-
-    def _can_bus_of(self, device: CanDevice) -> CanBus:
-        bus = self.buses[device.settings.bus]
-        assert isinstance(bus, CanBus)
-        return bus
-
-    def _datagram_port_of(self, device: DatagramDevice) -> DatagramPort:
-        port = self.buses[device.settings.bus]
-        assert isinstance(port, DatagramPort)
-        return port
-
-    def _line_of(self, device: SharedSerialDevice) -> SharedLine:
-        line = self.buses[device.settings.bus]
-        assert isinstance(line, SharedLine)
-        return line
+    def _bus_of(self, device: Device) -> Bus | None:
+        """Return the bus of a device; None if it is connected to none."""
+        name = getattr(device.settings, "bus", None)
+        return None if name is None else self.buses[name]
 
     def _poll(self) -> None:
         """Read every bus, and then call the method `update` of every device.

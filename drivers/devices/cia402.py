@@ -36,6 +36,7 @@ from drivers.device import (
     CanDevice,
     Drive,
     ForceDrive,
+    OnlyDrive,
     PositionDrive,
     Sample,
     VelocityDrive,
@@ -59,42 +60,24 @@ CONFIRMING = 2
 """Number of statuswords that confirm a stop. One can have been sent before the drive's reaction."""
 
 
-class TorqueMode(ForceDrive):
+class TorqueMode(OnlyDrive, ForceDrive):
     """The drive in the cyclic synchronous torque mode."""
 
-    def __init__(self, device: Cia402) -> None:
-        self._device = device
-
-    def enable(self) -> bool:
-        """Request operation without force; return whether the drive is in operation."""
-        return self._device.enable()
+    _device: Cia402
 
     def command(self, force: float) -> float:
         """Store the force [N]; return it rounded to a thousandth of the rated force [N]."""
         return self._device.command_force(force)
 
-    def idle(self) -> bool:
-        """Switch the torque off; return whether the drive has confirmed it."""
-        return self._device.idle()
 
-
-class PositionMode(PositionDrive):
+class PositionMode(OnlyDrive, PositionDrive):
     """The drive in the cyclic synchronous position mode."""
 
-    def __init__(self, device: Cia402) -> None:
-        self._device = device
-
-    def enable(self) -> bool:
-        """Request operation at the present position; return whether the drive is in operation."""
-        return self._device.enable()
+    _device: Cia402
 
     def command(self, position: float) -> float:
         """Store the position [m]; return it rounded to the resolution of the drive [m]."""
         return self._device.command_position(position)
-
-    def idle(self) -> bool:
-        """Stop the drive on its quick stop ramp; return whether the drive has confirmed it."""
-        return self._device.idle()
 
 
 class Cia402(CanDevice, VelocityDrive):

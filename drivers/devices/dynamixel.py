@@ -13,10 +13,10 @@ from pydantic import Field, FiniteFloat, field_validator, model_validator
 from drivers.codecs import dynamixel as codec
 from drivers.device import (
     DeviceSettings,
-    Drive,
     ForceDrive,
     LineFrames,
     LineRequest,
+    OnlyDrive,
     PositionDrive,
     Sample,
     SharedSerialDevice,
@@ -70,43 +70,34 @@ class DynamixelSettings(DeviceSettings):
         return self
 
 
-class ServoDrive(Drive):
-    """A Dynamixel servo as a drive."""
-
-    def __init__(self, servo: Dynamixel) -> None:
-        self._servo = servo
-
-    def enable(self) -> bool:
-        """Request operation; return whether the servo is in operation."""
-        return self._servo.enable()
-
-    def idle(self) -> bool:
-        """Request that the torque is switched off; return whether it is."""
-        return self._servo.idle()
-
-
-class VelocityMode(ServoDrive, VelocityDrive):
+class VelocityMode(OnlyDrive, VelocityDrive):
     """The servo in velocity control."""
+
+    _device: Dynamixel
 
     def command(self, velocity: float) -> float:
         """Store the velocity [m/s]; return it with the resolution of the servo [m/s]."""
-        return self._servo.store(velocity)
+        return self._device.store(velocity)
 
 
-class PositionMode(ServoDrive, PositionDrive):
+class PositionMode(OnlyDrive, PositionDrive):
     """The servo in extended position control."""
+
+    _device: Dynamixel
 
     def command(self, position: float) -> float:
         """Store the position [m]; return it with the resolution of the servo [m]."""
-        return self._servo.store(position)
+        return self._device.store(position)
 
 
-class CurrentMode(ServoDrive, ForceDrive):
+class CurrentMode(OnlyDrive, ForceDrive):
     """The servo in current control."""
+
+    _device: Dynamixel
 
     def command(self, force: float) -> float:
         """Store the force [N]; return it with the resolution of the servo [N]."""
-        return self._servo.store(force)
+        return self._device.store(force)
 
 
 class Dynamixel(SharedSerialDevice):

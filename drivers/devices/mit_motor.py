@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from drivers.codecs import mit_motor as codec
 from drivers.codecs.mit_motor import Ranges, State
-from drivers.device import CanDevice, Drive, ForceDrive, ImpedanceDrive, Sample
+from drivers.device import CanDevice, Drive, ForceDrive, ImpedanceDrive, OnlyDrive, Sample
 from drivers.devices.mit_motor_settings import MitMotorSettings
 from drivers.rig import RigError
 
@@ -38,48 +38,30 @@ request for operation is followed by a command, and both are answered."""
 WRAP = 1 << codec.POSITION_BITS
 
 
-class TorqueMode(ForceDrive):
+class TorqueMode(OnlyDrive, ForceDrive):
     """The motor as a drive that accepts a force."""
 
-    def __init__(self, motor: MitMotor) -> None:
-        self._motor = motor
-
-    def enable(self) -> bool:
-        """Request operation without force; return whether the motor is in operation."""
-        return self._motor.enable()
+    _device: MitMotor
 
     def command(self, force: float) -> float:
         """Store the force [N]; return the force with the resolution of the frame [N]."""
-        return self._motor.set_force(force)
-
-    def idle(self) -> bool:
-        """Request that the motor leaves operation; return whether it has confirmed it."""
-        return self._motor.idle()
+        return self._device.set_force(force)
 
 
-class ImpedanceMode(ImpedanceDrive):
+class ImpedanceMode(OnlyDrive, ImpedanceDrive):
     """The motor as a drive that closes a virtual coupling itself."""
 
-    def __init__(self, motor: MitMotor) -> None:
-        self._motor = motor
-
-    def enable(self) -> bool:
-        """Request operation without force; return whether the motor is in operation."""
-        return self._motor.enable()
+    _device: MitMotor
 
     def rounded(self, stiffness: float, damping: float) -> tuple[float, float]:
         """Return the nearest gains that a frame can contain [N/m, N s/m]."""
-        return self._motor.rounded_gains(stiffness, damping)
+        return self._device.rounded_gains(stiffness, damping)
 
     def command(
         self, position: float, velocity: float, stiffness: float, damping: float
     ) -> tuple[float, float]:
         """Store reference and gains; return position [m] and velocity [m/s] as in the frame."""
-        return self._motor.set_impedance(position, velocity, stiffness, damping)
-
-    def idle(self) -> bool:
-        """Request that the motor leaves operation; return whether it has confirmed it."""
-        return self._motor.idle()
+        return self._device.set_impedance(position, velocity, stiffness, damping)
 
 
 class MitMotor(CanDevice):

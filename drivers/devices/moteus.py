@@ -10,7 +10,14 @@ from pydantic import Field, FiniteFloat
 
 from drivers.codecs import moteus as codec
 from drivers.codecs.moteus import Mode, Register
-from drivers.device import CanDevice, DeviceSettings, ForceDrive, Sample, VelocityDrive
+from drivers.device import (
+    CanDevice,
+    DeviceSettings,
+    ForceDrive,
+    OnlyDrive,
+    Sample,
+    VelocityDrive,
+)
 from drivers.rig import RigError
 
 if TYPE_CHECKING:
@@ -252,70 +259,57 @@ class Moteus(CanDevice):
         self._bus.send(identifier, data, extended=True, fd=True, bitrate_switch=True)
 
 
-class MoteusVelocity(VelocityDrive):
-    """The drive of a moteus with velocity control."""
+class MoteusDrive(OnlyDrive):
+    """The drive of a moteus. Its command is limited to `most`, and 0 out of operation."""
 
-    def __init__(self, device: Moteus) -> None:
-        self._device = device
-        self._most = device.settings.max_velocity_mm_per_s * 1e-3
-        self._velocity = 0.0
+    _device: Moteus
 
-    def enable(self) -> bool:
-        """Request operation with zero velocity; return whether it is in operation."""
-        return self._device.enable()
+    def __init__(self, device: Moteus, most: float) -> None:
+        super().__init__(device)
+        self._most = most
+        self._value = 0.0
 
-    def command(self, velocity: float) -> float:
-        """Store the velocity [m/s], limited to the range; it is 0 out of operation."""
-        operates = self._device.operates
-        self._velocity = min(max(velocity, -self._most), self._most) if operates else 0.0
-        return self._velocity
-
-    def idle(self) -> bool:
-        """Request the stop; return whether it is confirmed."""
-        return self._device.idle()
+    def _store(self, value: float) -> float:
+        self._value = min(max(value, -self._most), self._most) if self._device.operates else 0.0
+        return self._value
 
     def reset(self) -> None:
         """Forget the command."""
-        self._velocity = 0.0
+        self._value = 0.0
+
+
+class MoteusVelocity(MoteusDrive, VelocityDrive):
+    """The drive of a moteus with velocity control."""
+
+    def __init__(self, device: Moteus) -> None:
+        super().__init__(device, device.settings.max_velocity_mm_per_s * 1e-3)
+
+    def command(self, velocity: float) -> float:
+        """Store the velocity [m/s], limited to the range; it is 0 out of operation."""
+        return self._store(velocity)
 
     def frame(self) -> bytes:
         """Return the data of the command."""
         device = self._device
         return codec.velocity(
-            self._velocity / device.travel, device.settings.max_torque_nm, device.watchdog
+            self._value / device.travel, device.settings.max_torque_nm, device.watchdog
         )
 
 
-class MoteusForce(ForceDrive):
+class MoteusForce(MoteusDrive, ForceDrive):
     """The drive of a moteus with torque control."""
 
     def __init__(self, device: Moteus) -> None:
-        self._device = device
         self._lever = device.settings.travel_mm_per_turn * 1e-3 / math.tau
         """Torque per force [m]."""
-        self._most = device.settings.max_torque_nm / self._lever
-        self._force = 0.0
-
-    def enable(self) -> bool:
-        """Request operation without force; return whether it is in operation."""
-        return self._device.enable()
+        super().__init__(device, device.settings.max_torque_nm / self._lever)
 
     def command(self, force: float) -> float:
         """Store the force [N], limited to the range; it is 0 out of operation."""
-        operates = self._device.operates
-        self._force = min(max(force, -self._most), self._most) if operates else 0.0
-        return self._force
-
-    def idle(self) -> bool:
-        """Request the stop; return whether it is confirmed."""
-        return self._device.idle()
-
-    def reset(self) -> None:
-        """Forget the command."""
-        self._force = 0.0
+        return self._store(force)
 
     def frame(self) -> bytes:
         """Return the data of the command."""
         device = self._device
         most = device.settings.max_torque_nm
-        return codec.torque(self._force * self._lever, most, device.watchdog)
+        return codec.torque(self._value * self._lever, most, device.watchdog)

@@ -10,7 +10,15 @@ from pydantic import Field, FiniteFloat, model_validator
 
 from drivers.codecs import odrive as codec
 from drivers.codecs.odrive import AxisState, Command
-from drivers.device import CanDevice, DeviceSettings, Drive, ForceDrive, Sample, VelocityDrive
+from drivers.device import (
+    CanDevice,
+    DeviceSettings,
+    Drive,
+    ForceDrive,
+    OnlyDrive,
+    Sample,
+    VelocityDrive,
+)
 from drivers.rig import RigError
 
 if TYPE_CHECKING:
@@ -59,23 +67,14 @@ class ODriveSettings(DeviceSettings):
         return self
 
 
-class TorqueMode(ForceDrive):
+class TorqueMode(OnlyDrive, ForceDrive):
     """The axis in torque control."""
 
-    def __init__(self, device: ODrive) -> None:
-        self._device = device
-
-    def enable(self) -> bool:
-        """Request operation without force; return whether the axis is in operation."""
-        return self._device.enable()
+    _device: ODrive
 
     def command(self, force: float) -> float:
         """Store the force [N]; return it, or 0 if the axis is not in operation."""
         return self._device.command_force(force)
-
-    def idle(self) -> bool:
-        """Request that the axis leaves operation; return whether it has confirmed it."""
-        return self._device.idle()
 
 
 class ODrive(CanDevice, VelocityDrive):

@@ -7,6 +7,7 @@ import hashlib
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable
+from typing import Any
 
 from drivers.claims import claim, claimant, process_text
 from drivers.rig import RigError
@@ -38,6 +39,14 @@ class Bus(ABC):
     @abstractmethod
     def close(self) -> None:
         """Disconnect. This method may also be called after `open` failed."""
+
+    @abstractmethod
+    def connect(self, device: Any) -> None:
+        """Pass the data of a device to it from now on."""
+
+    def start(self, device: Any) -> None:
+        """Set up a connected device."""
+        device.start(self)
 
     def wait_for(self, condition: Callable[[], object], seconds: float) -> bool:
         """Read the bus repeatedly until a condition is true, or until the longest wait has passed.

@@ -9,13 +9,16 @@ import math
 import time
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import can
 
 from drivers.rig import RigError, reason
 from drivers.transports.bus import Bus
 from drivers.transports.slcan import SlcanBus, StatusFlags
+
+if TYPE_CHECKING:
+    from drivers.device import CanDevice
 
 LATEST = 1.0
 """Largest age of a frame's time stamp on the system clock [s].
@@ -86,6 +89,10 @@ class CanBus(Bus):
     ) -> None:
         """Register the function that receives the frames with the given identifiers."""
         self._routes.update(dict.fromkeys(identifiers, receive))
+
+    def connect(self, device: CanDevice) -> None:
+        """Pass the frames with the identifiers of a device to it."""
+        self.attach(device.identifiers(), device.receive)
 
     def open(self) -> None:
         """Open the adapter.

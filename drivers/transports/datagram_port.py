@@ -9,10 +9,13 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from drivers.rig import RigError, reason
 from drivers.transports.bus import Bus
+
+if TYPE_CHECKING:
+    from drivers.device import DatagramDevice
 
 MOST = 256
 """Largest number of datagrams that one reading returns. The next reading returns the others."""
@@ -82,6 +85,10 @@ class DatagramPort(Bus):
         The datagrams of other senders and the refused datagrams are counted in `rejected`.
         """
         self._receive, self.rejected = receive, rejected
+
+    def connect(self, device: DatagramDevice) -> None:
+        """Pass the received datagrams to a device."""
+        self.attach(device.receive, device.rejected)
 
     def open(self) -> None:
         """Find the address of the device, and open a local port. Nothing is sent yet."""

@@ -43,7 +43,7 @@ class SharedLine(Bus):
         self._asked, self._free_at, self._rest = None, -math.inf, b""
         self._stream.open()
 
-    def attach(self, device: SharedSerialDevice) -> None:
+    def connect(self, device: SharedSerialDevice) -> None:
         """Pass the frames with the address of a device to this device."""
         self._devices[device.address] = device
 

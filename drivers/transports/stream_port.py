@@ -4,9 +4,13 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 from drivers.rig import RigError, reason
 from drivers.transports.bus import Bus
+
+if TYPE_CHECKING:
+    from drivers.device import SerialDevice
 
 BITS = 10
 """Number of bits on a serial line per byte, including one start bit and one stop bit."""
@@ -31,6 +35,10 @@ class StreamPort(Bus):
     def attach(self, receive: Callable[[bytes, float], object]) -> None:
         """Register the function to which `poll` passes the bytes and their arrival time [s]."""
         self._receive = receive
+
+    def connect(self, device: SerialDevice) -> None:
+        """Pass the received bytes to a device."""
+        self.attach(device.receive)
 
     @abstractmethod
     def _read(self) -> bytes:

@@ -94,7 +94,7 @@ class Bench:
         self.line = SharedLine(self.port)
         self.line.nap = lambda seconds: self.advance()
         for device in self.devices:
-            self.line.attach(device)
+            self.line.connect(device)
         self.device, self.servo, self.horn = self.devices[0], self.servos[0], self.horns[0]
 
     @property

@@ -83,7 +83,7 @@ def started(stream, *nodes):
     line = SharedLine(stream)
     line.open()
     for node in nodes:
-        line.attach(node)
+        line.connect(node)
     for node in nodes:
         line.start(node)
     return line
@@ -172,8 +172,8 @@ def test_devices_that_are_not_started_are_not_asked_and_all_start_anew_after_an_
     a, b = Node(1), Node(2)
     line = SharedLine(stream)
     line.open()
-    line.attach(a)
-    line.attach(b)
+    line.connect(a)
+    line.connect(b)
     line.start(b)
     assert tick(line, stream) == [b"\2"]
     line.open()
@@ -210,7 +210,7 @@ def terminal(tmp_path):
     line.open()
     drivers = [Meter(f"m{s.address}", s) for s in sections]
     for driver in drivers:
-        line.attach(driver)
+        line.connect(driver)
     yield line, drivers, meters
     line.close()
     done.set()
