@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
@@ -272,6 +273,7 @@ def loop_gains(
     )
 
 
+@cache
 def stable_bandwidth(latency: int, period: float) -> float:
     """Return the largest bandwidth with which a velocity loop of a free mass is stable [Hz]."""
     low, high = 0.0, 1.0 / period

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 from drivers.axes import CoupledAxis
 from drivers.coupling import CouplingParameters, VirtualCoupling
@@ -103,7 +103,8 @@ class FreeHandle:
 
     def __init__(self, mass: float, friction: float) -> None:
         self._mass, self._friction = mass, friction
-        self.x = self.v = self.push = 0.0
+        self.x = self.v = 0.0
+        self.push: float | None = 0.0
 
     def advance(self, u: float, dt: float, arm: Arm, intended: Intention | None) -> None:
         """Advance the motion by `dt` [s]; `u` has no effect, because the handle has no servo.
@@ -115,7 +116,7 @@ class FreeHandle:
         k, b = (arm.stiffness, self._friction + arm.damping) if intended else (0.0, self._friction)
         for i in range(steps):
             left = dt - (i + 0.5) * h
-            force = self.push
+            force = self.push or 0.0
             if intended:
                 position = intended.position - intended.velocity * left
                 force += k * position + arm.damping * intended.velocity
@@ -127,27 +128,40 @@ class FreeHandle:
             self.v += h * rate
 
 
-class SimulatedMotor(ForceDrive):
-    """Motor of a simulated master, which acts with the latency of its electronics."""
+class Pushed(Protocol):
+    """Moving part that a motor pushes."""
 
-    def __init__(self, handle: FreeHandle, latency: int) -> None:
-        self._handle = handle
+    push: float | None
+    """Force of the motor [N]; None if the motor has another control."""
+
+
+class SimulatedMotor(ForceDrive):
+    """Motor of a simulated axis, which acts with the latency of its electronics.
+
+    Out of operation, `push` of the moving part is `idle_push`: 0, or None if a brake or a servo
+    then holds the part.
+    """
+
+    def __init__(self, part: Pushed, latency: int, idle_push: float | None = 0.0) -> None:
+        self._part, self._idle_push = part, idle_push
         self._forces = deque([0.0] * (latency + 1), maxlen=latency + 1)
 
     def enable(self) -> bool:
         """Return True: the motor is in operation without delay."""
+        self._part.push = 0.0
         return True
 
     def command(self, force: float) -> float:
         """Send a force, which acts after the latency."""
         self._forces.append(force)
-        self._handle.push = self._forces[0]
+        if self._part.push is not None:
+            self._part.push = self._forces[0]
         return force
 
     def idle(self) -> bool:
-        """Take the motor out of operation. Its force is 0 at once."""
+        """Take the motor out of operation at once."""
         self._forces.extend([0.0] * len(self._forces))
-        self._handle.push = 0.0
+        self._part.push = self._idle_push
         return True
 
 

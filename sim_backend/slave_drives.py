@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections import deque
 from typing import Literal
 
 from drivers.axes import Axis, CoupledAxis, PositionAxis
 from drivers.coupling import VirtualCoupling, velocity_loop
-from drivers.device import ForceDrive, PositionDrive
+from drivers.device import PositionDrive
+from sim_backend.force_master import LONGEST_STEP, SimulatedMotor
 from sim_backend.plant import PlantParameters, Slave
 
 SlaveDriveName = Literal["velocity", "force", "position"]
@@ -17,34 +17,6 @@ MAX_FORCE = 500.0
 """Greatest force of a simulated slave that accepts forces [N]."""
 LATENCY = 1
 """Whole periods from a measurement to the force that is computed from it."""
-LONGEST_STEP = 0.02
-"""Longest time for which a velocity is integrated in one period [s]."""
-
-
-class SlaveMotor(ForceDrive):
-    """Motor of the slave with a force input, which acts with the latency of its electronics."""
-
-    def __init__(self, slave: Slave) -> None:
-        self._slave = slave
-        self._forces = deque([0.0] * (LATENCY + 1), maxlen=LATENCY + 1)
-
-    def enable(self) -> bool:
-        """Return True: the motor is in operation without delay."""
-        self._slave.push = 0.0
-        return True
-
-    def command(self, force: float) -> float:
-        """Send a force, which acts after the latency if the motor is in operation."""
-        self._forces.append(force)
-        if self._slave.push is not None:
-            self._slave.push = self._forces[0]
-        return force
-
-    def idle(self) -> bool:
-        """Take the motor out of operation. The brake of the slave closes."""
-        self._forces.extend([0.0] * len(self._forces))
-        self._slave.push = None
-        return True
 
 
 class SlaveServo(PositionDrive):
@@ -85,5 +57,5 @@ def make_slave_axis(
     if kind == "force":
         loop = velocity_loop(parameters.slave_mass, 0.0, LATENCY, period, MAX_FORCE)
         coupling = VirtualCoupling(loop, LONGEST_STEP)
-        return CoupledAxis(SlaveMotor(slave), 1, coupling, 0.05, 1.0)
+        return CoupledAxis(SimulatedMotor(slave, LATENCY, None), 1, coupling, 0.05, 1.0)
     return None

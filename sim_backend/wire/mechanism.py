@@ -181,7 +181,7 @@ class Mechanism:
         if signal == "force":
             if axis == "slave":
                 return plant.slave.motor_force
-            return plant.handle.push if isinstance(plant.handle, FreeHandle) else 0.0
+            return plant.handle.push or 0.0 if isinstance(plant.handle, FreeHandle) else 0.0
         return {"position": body.x, "velocity": body.v}.get(signal, 0.0)
 
 

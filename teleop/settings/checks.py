@@ -119,6 +119,15 @@ def problems_of_rig(settings: TrialSettings) -> Iterator[str]:
             f"depth {settings.depth * 1e3:g} mm: expected at most {deepest * 1e3:g} mm, the soft "
             f"limit of the slave's position on the rig {settings.rig_name!r}"
         )
+    coupling, gain = settings.master_coupling, settings.feedback.gain
+    felt = gain * limits.soft_force if settings.feedback.law != "none" else 0.0
+    if coupling and felt > coupling.max_force:
+        yield (
+            f"feedback.gain {gain:g}: with the soft force limit of {limits.soft_force:.3g} N, the "
+            f"hand would have to feel {felt:.3g} N, and the motor of the master exerts at most "
+            f"{coupling.max_force:g} N: expected a gain of at most "
+            f"{coupling.max_force / limits.soft_force:.2g}"
+        )
     try:
         limits.shifted(settings.tare.zeros)
     except ValueError as error:
@@ -126,7 +135,7 @@ def problems_of_rig(settings: TrialSettings) -> Iterator[str]:
 
 
 def problems_of_handle(settings: TrialSettings) -> Iterator[str]:
-    """Yield a message for each problem of the handle: none, or one whose motor is too weak."""
+    """Yield a message if the rig lacks the handle, or the coupling of the handle is not passive."""
     rig, coupling = settings.rig, settings.master_coupling
     if rig and not (rig.sections.channels.master_force or coupling):
         if settings.condition in BY_HAND:
@@ -138,17 +147,5 @@ def problems_of_handle(settings: TrialSettings) -> Iterator[str]:
         return
     if settings.force_master and rig:
         yield "force_master: belongs to the simulated rig: expected [drives.master] in the rig file"
-    if not coupling:
-        return
-    if problem := coupling.problem(1.0 / settings.loop_rate):
+    if coupling and (problem := coupling.problem(1.0 / settings.loop_rate)):
         yield f"stiffness of the coupling of the master: {problem}"
-    most, gain = settings.untightened_limits.soft_force, settings.feedback.gain
-    tightened = settings.tightened_limits.soft_force
-    if tightened is not None:
-        most = min(most, tightened)
-    if settings.feedback.law != "none" and gain * most > coupling.max_force:
-        yield (
-            f"feedback.gain {gain:g}: with the soft force limit of {most:.3g} N, the hand would "
-            f"have to feel {gain * most:.3g} N, and the motor of the master exerts at most "
-            f"{coupling.max_force:g} N: expected a gain of at most {coupling.max_force / most:.2g}"
-        )
