@@ -43,6 +43,10 @@ class Axis(ABC):
         """Request operation of the drive; return whether it is in operation."""
         return self.drive.enable()
 
+    def rearm(self) -> None:
+        """Clear the stored error. If its cause is still present, the error is reported again."""
+        self.error = ""
+
     @abstractmethod
     def command(self, velocity: float, now: float) -> float:
         """Command a velocity [m/s] at the time `now` [s]; return the velocity that is applied."""
@@ -148,6 +152,11 @@ class CoupledAxis(Axis):
                 f"the moving part has {abs(coupling.speed) * 1e3:.0f} mm/s, at most "
                 f"{self._max_velocity * 1e3:.0f} mm/s"
             )
+
+    def rearm(self) -> None:
+        """Clear the stored error of the coupling."""
+        super().rearm()
+        self.coupling.error = ""
 
     def enable(self) -> bool:
         """Request operation without force. The moving part must be at rest."""

@@ -259,6 +259,8 @@ class WiredRig(Rig):
         """Clear the latched errors of all devices (errors that are reported until cleared)."""
         for device in self.devices.values():
             device.rearm()
+        for _, axis, _ in self._coupled:
+            axis.rearm()
 
     def enable(self) -> bool:
         """Request that all drives go into operation; return whether all drives are in operation."""

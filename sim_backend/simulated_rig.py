@@ -172,6 +172,9 @@ class SimulatedRig(Rig):
     def rearm(self) -> None:
         """Clear the drive error of an expired watchdog. The drives remain disabled."""
         self._error = ""
+        for axis in (self._axis, self._slave_axis):
+            if axis:
+                axis.rearm()
 
     def enable(self) -> bool:
         """Enable both drives, and start the motion of the operator's hand.

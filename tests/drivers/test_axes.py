@@ -121,6 +121,12 @@ def test_a_part_that_moves_too_fast_in_operation_is_an_error():
     for k in range(2, 40):
         axis.measure(Sample(k * 1e-3, k * PERIOD))
     assert "at most 400 mm/s" in axis.error
+    axis.idle()
+    axis.measure(Sample(0.039, 0.2))
+    assert "at most 400 mm/s" in axis.error  # until a person arms again
+    axis.rearm()
+    axis.measure(Sample(0.039, 0.3))
+    assert axis.error == ""
 
 
 @pytest.mark.parametrize("sign", [1, -1])

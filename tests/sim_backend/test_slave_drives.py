@@ -7,7 +7,7 @@ import math
 import pytest
 
 from drivers import Command
-from sim_backend import CUBES, SimulatedRig
+from sim_backend import CUBES, ForceMaster, SimulatedRig
 from sim_backend.plant import PlantParameters
 
 PERIOD = 1e-3
@@ -82,3 +82,26 @@ def test_a_motor_out_of_operation_exerts_no_force_and_the_slave_brakes():
         rig.read()
     assert rig.plant.slave.push is None
     assert abs(rig.plant.slave.v) < 1e-3
+
+
+def test_the_error_of_a_coupling_remains_until_a_person_arms_again():
+    clock = Clock()
+    rig = SimulatedRig(CUBES["soft"], clock, master=ForceMaster(stiffness=500.0), period=PERIOD)
+    rig.open()
+    rig.read()
+    assert rig.enable()
+    rig.plant.handle.v = 3.0
+    for k in range(1, 60):
+        rig.write(Command(0.0, 0.0))
+        clock.now = k * PERIOD
+        rig.read()
+    assert "drive master: " in rig.read().drive_error
+    rig.idle()
+    for k in range(60, 2000):
+        clock.now = k * PERIOD
+        rig.read()
+    assert "drive master: " in rig.read().drive_error
+    rig.rearm()
+    clock.now += PERIOD
+    assert rig.read().drive_error == ""
+    assert rig.enable()
