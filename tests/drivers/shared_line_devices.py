@@ -20,6 +20,8 @@ from sim_backend.wire.emulated_device import EmulatedSerialDevice
 
 ANSWER = 7
 """Length of an answer [bytes]."""
+PATIENCE = 0.05
+"""Longest time until the answer [s]. A busy machine delays the thread of the emulated meters."""
 
 
 class MeterSettings(DeviceSettings):
@@ -62,7 +64,7 @@ class Meter(SharedSerialDevice):
             raise RigError(f"{self.name}: no answer on {line.name} ({line.port}): expected a meter")
 
     def request(self, now):
-        return LineRequest(with_crc(bytes([self.address, 4, 0, 0, 0, 1])), 10e-3)
+        return LineRequest(with_crc(bytes([self.address, 4, 0, 0, 0, 1])), PATIENCE)
 
     def receive(self, frame, time):
         self.samples["force"] = Sample(int.from_bytes(frame[3:5], "big", signed=True) * 0.01, time)
