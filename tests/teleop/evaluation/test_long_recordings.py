@@ -259,15 +259,19 @@ def test_a_table_of_a_long_recording_has_all_samples(trials, small, tmp_path):
 
 def test_memory_does_not_depend_on_the_duration(trials, small, monkeypatch):
     monkeypatch.setattr("teleop.evaluation.evaluate.KEPT", 2000)
-    peaks = {}
     command = ["estimate", "--estimators", "ai", "--json"]
     for path in trials.values():  # libraries are imported, and `analysis_by_record` stores
         assert main([*command, str(path)]) == 0
-    for duration in (3, 8):
+
+    def peak(duration):
         tracemalloc.start()
         assert main([*command, str(trials[duration])]) == 0
-        peaks[duration] = tracemalloc.get_traced_memory()[1]
+        _, most = tracemalloc.get_traced_memory()
         tracemalloc.stop()
+        return most
+
+    # The lower of two: the threads of pytest-xdist allocate too.
+    peaks = {duration: min(peak(duration), peak(duration)) for duration in (3, 8)}
     assert peaks[8] < 1.25 * peaks[3]
 
 

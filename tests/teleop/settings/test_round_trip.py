@@ -87,6 +87,8 @@ def trials(draw):
         values["feedback"] = FeedbackSettings()
     if values["condition"] != "free":
         values["operator_model"] = OperatorModel(values["operator_model"].arm_stiffness)
+    if values["force_master"] is not None:  # a small gain: the motor has to exert the soft force
+        values["feedback"] = replace(values["feedback"], gain=0.05)
     if values["conditioning"] != "matched":
         values |= {"model": MODELS["kelvin-voigt"], "force_lag": 0.0}
     return TrialSettings(clock="virtual", **values)
