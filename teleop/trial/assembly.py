@@ -146,7 +146,13 @@ def make_link(settings: TrialSettings) -> Link:
         glued = settings.setup.cube.glued if settings.rig is None else True
     stiffness = expected_stiffness(settings)
     given = LawInputs(
-        admittance, coupling, feedback.gain, settings.force_lag or 0.0, glued, stiffness
+        admittance,
+        coupling,
+        feedback.gain,
+        settings.link_transmission,
+        settings.lost_motion_known,
+        glued,
+        stiffness,
     )
     halves = feedback.law_type.halves(given)
     channel = settings.channel or ChannelSettings()
