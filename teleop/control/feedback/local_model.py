@@ -35,7 +35,6 @@ from estimation.filters import Play
 from estimation.methods.recursive_least_squares import RecursiveLeastSquares
 from estimation.misfit import Misfit
 from estimation.model import STIFFENING
-from estimation.play_bank import HALF_WIDTHS
 from estimation.transmission import RIGID, TransmissionCalibration
 from teleop.control.admittance import Environment
 from teleop.control.alignment import Pair
@@ -74,6 +73,8 @@ CONFIRMED = 1.0
 """Contact force [N] above which a measured force can show that the model is correct."""
 DOUBT = 1.25
 """Largest ratio of measured force to predicted force at which the model is treated as correct."""
+HALF_WIDTHS = tuple(30e-6 * i for i in range(9))
+"""Half widths of the play of which one is chosen if the lost motion is not known [m]."""
 WRONG = 0.3
 """Ratio of the force error of the model to the force from which the model is treated as wrong."""
 CHANGED = 0.1
@@ -118,7 +119,7 @@ class PlayHypothesis:
         self._conditioner.reset()
         self._position = self._impulse = self._force = 0.0
         self._span = self._shift
-        self.error = math.inf
+        self.error = 0.0
         """Weighted mean square of the force errors [N^2]."""
         self.sample = 0.0, 0.0, 0.0
         """Displacement [m], velocity [m/s] and force [N] of the last sample."""
@@ -152,15 +153,12 @@ class PlayHypothesis:
         self.sample = x, v, f
         if abs(f) < LEAST_FORCE:
             return False
-        _, k, k3 = theta = self._estimator.state.theta
-        error = f - theta[0] * v - k * x - k3 * further[0]
-        square = error * error
-        if self.error < math.inf:
-            square = self.error + (square - self.error) * span / SELECTION
-        self.error = square
         if abs(v) > LEAST_SPEED:
             self.estimate = self._estimator.advance([v, x, *further], f, span)
             self.misfit = self._misfit.update(x, v, f, span, further, {"model": self.estimate})[0]
+        b, k, k3 = self._estimator.state.theta
+        square = (f - b * v - k * x - k3 * further[0]) ** 2
+        self.error += (square - self.error) * span / SELECTION
         return True
 
     def model(self) -> Environment | None:
@@ -207,6 +205,7 @@ class LocalModel:
         known: bool = True,
         glued: bool = True,
     ) -> None:
+        self._known = known
         widths = (transmission.lost_motion,) if known else HALF_WIDTHS
         shift = PERIOD / len(widths)
         self._bank = [
@@ -240,19 +239,28 @@ class LocalModel:
         complete = [one for one in self._bank if one.update(*pair)]
         if self._chosen not in complete:
             return
-        if len(self._bank) > 1:
-            best = min(self._bank, key=lambda one: one.error)
-            if best.error < BETTER * self._chosen.error:
-                self._chosen = best
+        if not self._known:
+            self._choose()
         chosen = self._chosen
-        if self._is_wrong(*chosen.sample) or chosen.misfit > WORST_MISFIT:
+        if chosen.misfit > WORST_MISFIT or self._is_wrong(*chosen.sample):
             self._restart()
         elif model := chosen.model():
             self.model, self._accepted = model, True
 
+    def _choose(self) -> None:
+        """Choose the lost motion with the smallest force errors, if they are much smaller.
+
+        A misfit that another lost motion explains is no change of the environment.
+        """
+        best = min(self._bank, key=lambda one: one.error)
+        if best.error < BETTER * self._chosen.error:
+            self._chosen = best
+        elif self._chosen.misfit > WORST_MISFIT:
+            self._chosen = min(self._bank, key=lambda one: one.misfit)
+
     def _is_wrong(self, x: float, v: float, f: float) -> bool:
         """Return whether the accepted model has been wrong for `CHANGED` seconds."""
-        if not self._accepted:
+        if not self._accepted or not self._known:
             return False
         error = abs(f - self.model.force(x, v))
         self._wrong = self._wrong + PERIOD if error > WRONG * abs(f) and error > 0.5 else 0.0
