@@ -17,7 +17,6 @@ from sim_backend import OperatorModel, Setup, Transmission, operators
 from teleop.control.admittance import AdmittanceParameters
 from teleop.control.channel import ChannelSettings
 from teleop.control.feedback.settings import FeedbackSettings
-from teleop.evaluation.teleoperation.loop_oscillation import sustained_share
 from teleop.evaluation.teleoperation.rendering import hand
 from teleop.evaluation.teleoperation.thresholds import LEAST_FORCE, SETTLING
 from teleop.recording.recording import Recording

@@ -9,6 +9,7 @@ from rich.console import Console
 
 from estimation.quantities import DAMPING, STIFFNESS
 from teleop.names import ISOMETRIC
+from teleop.evaluation.teleoperation.thresholds import NOTICEABLE
 from teleop.output.console import plain_console
 from teleop.output.estimate_tables import left_out_lines, print_estimated, print_online
 from teleop.output.next_command import print_command
@@ -184,20 +185,48 @@ def print_feedback(console: Console, feedback: Mapping[str, Any] | None) -> None
     channel = f", channel {feedback['channel']}" if feedback["channel"] else ""
     console.print(f"  feedback: {feedback['law']}{channel}")
     if feedback["law"] != "none" and feedback["rendered_k"] == feedback["rendered_k"]:
-        coupling = feedback["coupling_k"]
-        series = f" in series with the coupling of {STIFFNESS.text(coupling)}"
-        console.print(
-            f"  the hand felt k = {STIFFNESS.text(feedback['rendered_k'])} "
-            f"({feedback['rendered_k_error']:+.1%} of that at the slave"
-            f"{series if coupling == coupling else ''});\n"
-            f"  error of the felt force {feedback['felt_force_error']:.1%} rms, lowest energy at "
-            f"the hand {feedback['energy_min_j'] * 1e3 + 0.0:.1f} mJ"
-        )
-    if feedback["stable"] is False:
-        console.print("  not stable", style="yellow")
+        print_felt(console, feedback)
+    if feedback["law"] != "none" and feedback["outcome"] != "not known":
+        print_outcome(console, feedback)
     if feedback["law"] != "none":
         for remark in feedback["remarks"]:
             console.print(wrapped(f"  {remark}", console.width), style="yellow")
+
+
+def print_felt(console: Console, feedback: Mapping[str, Any]) -> None:
+    """Print stiffness, damping and force that the hand felt, beside those of the tissue."""
+    coupling, error = feedback["coupling_k"], feedback["rendered_k_error"]
+    series = f" in series with the coupling of {STIFFNESS.text(coupling)}"
+    console.print(
+        f"  the hand felt k = {STIFFNESS.text(feedback['rendered_k'])} ({error:+.1%} of the tissue"
+        f"{series if coupling == coupling else ''}; noticeable from {NOTICEABLE:.0%}),\n"
+        f"  b = {DAMPING.text(feedback['rendered_b'])} (tissue {DAMPING.text(feedback['tissue_b'])})"
+        f", force error {feedback['felt_force_error']:.1%} rms"
+        + (
+            f", up to {feedback['bandwidth_hz']:.3g} Hz"
+            if feedback["bandwidth_hz"] == feedback["bandwidth_hz"]
+            else ""
+        )
+    )
+
+
+def print_outcome(console: Console, feedback: Mapping[str, Any]) -> None:
+    """Print whether the loop was stable, and the lowest energy at the hand."""
+    shakes = ""
+    if feedback["oscillation_m"] > 0.0:
+        shakes = (
+            f", the loop moves the hand by {feedback['oscillation_m'] * 1e6:.0f} um at "
+            f"{feedback['oscillation_hz']:.0f} Hz (fingers detect about "
+            f"{feedback['detectable_m'] * 1e6:.0f} um)"
+        )
+    console.print(
+        wrapped(
+            f"  {feedback['outcome']}{shakes}; lowest energy at the hand "
+            f"{feedback['energy_min_j'] * 1e3 + 0.0:.1f} mJ",
+            console.width,
+        ),
+        style="yellow" if feedback["stable"] is False else None,
+    )
 
 
 def print_loop(console: Console, summary: Mapping[str, Any], details: bool) -> None:

@@ -398,6 +398,13 @@ class TrialSettings:
         """Whether the lost motion of the slave's transmission is calibrated or stated."""
         return self.lost_motion is not None or self.transmission != UNKNOWN_TRANSMISSION
 
+    @property
+    def is_glued(self) -> bool:
+        """Whether the specimen is glued to the slave, so that it also pulls."""
+        if self.feedback.glued is not None:
+            return self.feedback.glued
+        return self.setup.cube.glued if self.rig is None else True
+
     def make_conditioner(self) -> Conditioner:
         """Return a new signal conditioner, which computes the input of the estimators."""
         correction = self.online_transmission

@@ -142,9 +142,15 @@ class TrialStatistics:
         if not self._rendering:
             return None
         settings = self._settings
-        found = self._rendering.result(fault=self._recording.fault is not None)
+        fault = self._recording.fault
+        found = self._rendering.result(str(fault["fault"]) if fault else "")
         channel = settings.channel and settings.channel.text
-        return {"law": settings.feedback.law, "channel": channel} | found._asdict()
+        return {
+            "law": settings.feedback.law,
+            "channel": channel,
+            **found._asdict(),
+            "stable": found.stable,
+        }
 
 
 def rendering_of(ticks: Recording | RecordingFile, settings: TrialSettings) -> RunningRendering:
@@ -162,4 +168,8 @@ def rendering_of(ticks: Recording | RecordingFile, settings: TrialSettings) -> R
     gain = settings.feedback.gain
     law = LAWS.get(settings.feedback.law, MasterHalf)  # a recording can have a law of before
     prior = gain * scale * STIFF_PRIOR if law.displays_prior else None
-    return RunningRendering(hand, scale, gain, end, arm, prior, settings.coupling_stiffness)
+    known = settings.link_transmission if settings.lost_motion_known else None
+    coupling = settings.coupling_stiffness
+    return RunningRendering(
+        hand, scale, gain, end, arm, prior, coupling, known, settings.is_glued
+    )
