@@ -213,7 +213,7 @@ def print_felt(console: Console, feedback: Mapping[str, Any]) -> None:
 def print_outcome(console: Console, feedback: Mapping[str, Any]) -> None:
     """Print whether the loop was stable, and the lowest energy at the hand."""
     shakes = ""
-    if feedback["oscillation_m"] > 0.0:
+    if feedback["oscillation_m"] > 0.5 * feedback["detectable_m"]:
         shakes = (
             f", the loop moves the hand by {feedback['oscillation_m'] * 1e6:.0f} um at "
             f"{feedback['oscillation_hz']:.0f} Hz (fingers detect about "

@@ -272,7 +272,7 @@ class RunningRendering:
         self._oldest_report = 0.0
         self._energy = self._lowest = 0.0
         self._size = 0
-        self._pending: Floats = np.empty((7, 0))
+        self._pending: Floats = np.empty((8, 0))
         self._means: list[Floats] = []
 
     def add(self, active: Recording) -> None:
@@ -292,20 +292,21 @@ class RunningRendering:
         if self._prior is not None:
             displayed = active["model_stiffness"][settled]
             self._of_prior += int(np.isclose(displayed, self._prior).sum())
-        handle = felt.position + active["drive_force"] / self._coupling_k
+        handle_end = felt.position + active["drive_force"] / self._coupling_k
+        handle = handle_end - 0.5 * felt.velocity * dt  # the force is the mean over the tick
         tip = self._lag.run(self._play.run(active["slave_position"]), dt) - self._compliance * f
         if not self._glued:
             tip = np.maximum(tip, 0.0)
         if not self._size:
             self._size = max(1, round(BLOCK / float(np.median(dt))))
-        ticks = np.stack((t, t - active["motion_age"], handle, felt.force, tip, f, dt))
+        ticks = np.stack((t, t - active["motion_age"], handle, felt.force, tip, f, dt, handle_end))
         self._pending = np.concatenate((self._pending, ticks), axis=1)
         count = self._pending.shape[1] // self._size * self._size
-        parts = self._pending[:, :count].reshape(7, -1, self._size)
+        parts = self._pending[:, :count].reshape(8, -1, self._size)
         self._pending = self._pending[:, count:]
         last, means = parts[:, :, -1], parts.mean(axis=2)
         span = parts[6].sum(axis=1)
-        self._means.append(np.stack((last[0], *means[1:6], span, last[2], last[4])))
+        self._means.append(np.stack((last[0], *means[1:6], span, last[7], last[4])))
 
     def blocks(self) -> Blocks:
         """Return the means over all blocks after the first seconds."""
