@@ -217,7 +217,7 @@ def print_outcome(console: Console, feedback: Mapping[str, Any]) -> None:
         shakes = (
             f", the loop moves the hand by {feedback['oscillation_m'] * 1e6:.0f} um at "
             f"{feedback['oscillation_hz']:.0f} Hz (fingers detect about "
-            f"{feedback['detectable_m'] * 1e6:.0f} um)"
+            f"{feedback['detectable_m'] * 1e6:.0f} um; tremor: {feedback['tremor_m'] * 1e6:.0f} um)"
         )
     console.print(
         wrapped(

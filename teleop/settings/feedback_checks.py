@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -11,7 +12,8 @@ from estimation.quantities import STIFFNESS
 from sim_backend.plant import UNATTENDED
 from teleop.control.channel import ChannelSettings
 from teleop.control.feedback.law import STIFF_PRIOR
-from teleop.control.feedback.stability import DelayedLoop
+from teleop.control.feedback.stability import DelayedLoop, detectable
+from teleop.control.tip_position import SMOOTHING
 from teleop.errors import InputError
 from teleop.settings.trial_settings import TrialSettings
 
@@ -19,6 +21,8 @@ LOOP_DELAY = 1.5
 """Delay of the control loop in periods. A sample is at most one period old. A command is held for
 one period, which is a mean delay of half a period."""
 
+ASSUMED_LOST_MOTION = 200e-6
+"""Half width of the lost motion that is assumed if it is not known [m]."""
 COUPLED_LOOP_DELAY = 3.5
 """Delay of the control loop with a force-commanded master in periods, without its latency."""
 
@@ -41,13 +45,56 @@ def check_feedback(settings: TrialSettings) -> str:
         return warning
     loop = delayed_loop(settings)
     delay = trip + lag(settings)
-    if delay < loop.safe_delay:
-        return warning
-    raise InputError(
-        f"feedback {law}: unstable with k = {STIFFNESS.text(loop.k)} and a delay of "
-        f"{delay * 1e3:.1f} ms, of which {trip * 1e3:.1f} ms are the round trip: expected a delay "
-        f"below {loop.safe_delay * 1e3:.1f} ms, or feedback model-mediated"
+    if delay >= loop.safe_delay:
+        raise InputError(
+            f"feedback {law}: unstable with k = {STIFFNESS.text(loop.k)} and a delay of "
+            f"{delay * 1e3:.1f} ms, of which {trip * 1e3:.1f} ms are the round trip: expected a "
+            f"delay below {loop.safe_delay * 1e3:.1f} ms, or feedback model-mediated"
+        )
+    if problem := oscillation(settings, loop, delay):
+        raise InputError(f"feedback {law}: {problem}")
+    return warning
+
+
+def oscillation(settings: TrialSettings, loop: DelayedLoop, delay: float) -> str:
+    """Return why the loop would oscillate because of lost motion; empty if it would not.
+
+    An oscillation that the fingers do not detect is permitted.
+    """
+    lost = uncompensated(settings)
+    cycle = loop.limit_cycle(delay, lost)
+    if cycle is None or cycle.amplitude / settings.coupling.scale < detectable(cycle.frequency):
+        return ""
+    damping, step = loop.damping, 1.0
+    while step > 0.1:
+        trial = replace(loop, damping=damping + step)
+        if trial.limit_cycle(delay, lost) is None:
+            step *= 0.5
+        else:
+            damping += step
+            step *= 2.0
+    source = "" if settings.lost_motion_known else "that is assumed because it is not calibrated, "
+    remedy = "" if settings.lost_motion_known else "a calibration (teleop lag), "
+    return (
+        f"with a delay of {delay * 1e3:.1f} ms and a lost motion of {lost * 1e6:.0f} um, {source}"
+        f"the hand would oscillate by {cycle.amplitude / settings.coupling.scale * 1e6:.0f} um at "
+        f"{cycle.frequency:.0f} Hz: expected {remedy}a virtual damping of at least "
+        f"{damping + 0.1:.0f} N s/m, or feedback model-mediated"
     )
+
+
+def uncompensated(settings: TrialSettings) -> float:
+    """Return the half width of the lost motion that the command of the slave leaves [m].
+
+    If the lost motion is not known, it is assumed to be `ASSUMED_LOST_MOTION`.
+    """
+    if not settings.lost_motion_known:
+        return ASSUMED_LOST_MOTION
+    known = settings.link_transmission
+    if known.lost_motion == 0.0:
+        return 0.0
+    left = SMOOTHING * known.lost_motion / (SMOOTHING + known.lost_motion)
+    return left + known.lost_motion_error
 
 
 def unknown_values(settings: TrialSettings) -> list[str]:

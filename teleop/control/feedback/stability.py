@@ -44,7 +44,18 @@ for which (1) has a solution s = j w. The magnitudes in (1) give the equation
 which is quadratic in w^2. For each solution w, the phase of (1) gives tau. If (3) has no solution,
 for example if k_a > alpha k and the damping is large, (1) is stable with any delay.
 
-Sources: W. S. Kim, B. Hannaford, A. K. Bejczy, "Force-reflection and shared compliant control in
+Lost motion of the slave's transmission delays the force as well. For a sine with the amplitude A at
+the slave, a play of half width delta < A multiplies the force by its describing function N(A):
+
+    Re N = 1/2 + (asin u + u sqrt(1 - u^2)) / pi,    Im N = -4 delta / (pi A) (1 - delta / A),
+
+with u = 1 - 2 delta / A. Im N acts like a negative damping of about -4 k delta / (pi w A), without
+any delay. The loop keeps an oscillation of the amplitude A if (1), with k + b s multiplied by N(A),
+has a root without damping. The amplitude is proportional to delta, but whether there is such an
+amplitude does not depend on delta.
+
+Sources: A. Gelb, W. E. Vander Velde, "Multiple-Input Describing Functions and Nonlinear System
+Design", McGraw-Hill, 1968, for the describing function; W. S. Kim, B. Hannaford, A. K. Bejczy, "Force-reflection and shared compliant control in
 operating telemanipulators with time delay", IEEE Trans. Robotics and Automation 8(2), 1992;
 J. E. Marshall, H. Gorecki, A. Korytowski, K. Walton, "Time-Delay Systems: Stability and Performance
 Criteria with Applications", 1992, for the solutions on the imaginary axis.
@@ -54,6 +65,36 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+AMPLITUDES = np.geomspace(1.001, 300.0, 120)
+"""Amplitudes for which oscillations are looked for, divided by the half width of the play."""
+FREQUENCIES = np.geomspace(2.0, 600.0, 1500)
+"""Angular frequencies for which oscillations are looked for [rad/s]."""
+
+
+class LimitCycle(NamedTuple):
+    """Oscillation of the loop whose amplitude stays constant."""
+
+    amplitude: float
+    """Amplitude at the slave [m]."""
+    frequency: float
+    """Frequency [Hz]."""
+
+
+def detectable(frequency: float) -> float:
+    """Return the smallest amplitude of a vibration that the fingers detect, about [m].
+
+    The threshold of the skin of the hand is about 25 um up to 3 Hz. From there it falls by 5 dB per
+    octave up to 35 Hz, and then by 12 dB per octave up to 250 Hz (S. J. Bolanowski, G. A.
+    Gescheider, R. T. Verrillo, C. M. Checkosky, J. Acoust. Soc. Am. 84(5), 1988, 1680-1694).
+    `frequency` is in Hz.
+    """
+    slow = math.log2(min(max(frequency, 3.0), 35.0) / 3.0)
+    fast = math.log2(min(max(frequency, 35.0), 250.0) / 35.0)
+    return 25e-6 * 10.0 ** (-(5.0 * slow + 12.0 * fast) / 20.0)
 
 
 @dataclass(frozen=True)
@@ -129,3 +170,28 @@ class DelayedLoop:
                 phase = math.atan2(b * w, k) - free
                 delays.append(phase % (2.0 * math.pi) / w)
         return min(delays, default=math.inf)
+
+    def limit_cycle(self, delay: float, half_width: float) -> LimitCycle | None:
+        """Return the largest oscillation that the loop keeps with lost motion; None if there is none.
+
+        `delay` is tau [s], and `half_width` that of the play at the slave [m].
+        """
+        if half_width <= 0.0:
+            return None
+        w = FREQUENCIES
+        linear = self.arm_stiffness + self.spring - self.mass * w * w + 1j * self.resistance * w
+        force = self.gain * (self.k + 1j * self.b * w) * np.exp(-1j * w * delay)
+        for ratio in AMPLITUDES[::-1].tolist():
+            total = linear + force * describing_function(ratio)
+            resonances = np.flatnonzero((total.real[:-1] > 0.0) & (total.real[1:] <= 0.0))
+            undamped = resonances[total.imag[resonances] < 0.0]
+            if len(undamped):
+                return LimitCycle(ratio * half_width, float(w[undamped[0]]) / (2.0 * math.pi))
+        return None
+
+
+def describing_function(ratio: float) -> complex:
+    """Return N(A) of a play with the amplitude A = `ratio` times its half width, `ratio` > 1."""
+    u = 1.0 - 2.0 / ratio
+    real = 0.5 + (math.asin(u) + u * math.sqrt(1.0 - u * u)) / math.pi
+    return complex(real, -4.0 / (math.pi * ratio) * (1.0 - 1.0 / ratio))

@@ -63,22 +63,11 @@ class LoopOscillation(NamedTuple):
     """Frequency with the largest velocity of this motion [Hz]; NaN if there is none."""
     share: float
     """Share of the power of the whole velocity that is in this motion, 0 to 1."""
+    tremor: float
+    """Amplitude of the other motion above `FASTEST_HAND` [m]."""
 
 
-NO_OSCILLATION = LoopOscillation(0.0, math.nan, 0.0)
-
-
-def detectable(frequency: float) -> float:
-    """Return the smallest amplitude of a vibration that the fingers detect, about [m].
-
-    The threshold of the skin of the hand is about 25 um up to 3 Hz. From there it falls by 5 dB per
-    octave up to 35 Hz, and then by 12 dB per octave up to 250 Hz (S. J. Bolanowski, G. A.
-    Gescheider, R. T. Verrillo, C. M. Checkosky, J. Acoust. Soc. Am. 84(5), 1988, 1680-1694).
-    `frequency` is in Hz.
-    """
-    slow = math.log2(min(max(frequency, 3.0), 35.0) / 3.0)
-    fast = math.log2(min(max(frequency, 35.0), 250.0) / 35.0)
-    return 25e-6 * 10.0 ** (-(5.0 * slow + 12.0 * fast) / 20.0)
+NO_OSCILLATION = LoopOscillation(0.0, math.nan, 0.0, 0.0)
 
 
 class RunningSpectra:
@@ -121,17 +110,19 @@ class RunningSpectra:
         if self._arm_damping:
             threshold = np.maximum(threshold, SUSTAINING * self._arm_damping(frequency))
         oscillating = (frequency > FASTEST_HAND) & (self._from_hand < -threshold * self._motion)
-        power = np.where(oscillating, self._motion, 0.0)
-        if not power.any():
-            return NO_OSCILLATION
         # Parseval's theorem, with the mean power of the window
-        displaced = power[1:] / (2.0 * np.pi * frequency[1:]) ** 2
         window = np.hanning(self._length)
         scale = 4.0 / (self._segments * self._length * float(window @ window))
+        displaced = scale * self._motion / np.maximum(2.0 * np.pi * frequency, 1e-9) ** 2
+        tremor = displaced[(frequency > FASTEST_HAND) & ~oscillating]
+        if not oscillating.any():
+            return NO_OSCILLATION._replace(tremor=math.sqrt(float(tremor.sum())))
+        power = np.where(oscillating, self._motion, 0.0)
         return LoopOscillation(
-            math.sqrt(scale * float(displaced.sum())),
+            math.sqrt(float(displaced[oscillating].sum())),
             float(frequency[int(np.argmax(power))]),
             float(power.sum() / self._motion.sum()),
+            math.sqrt(float(tremor.sum())),
         )
 
     def _add_segments(self) -> None:

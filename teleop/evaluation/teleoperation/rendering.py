@@ -23,12 +23,12 @@ from estimation.arrays import Floats
 from estimation.filters import Lag, Play
 from estimation.quantities import STIFFNESS
 from estimation.transmission import RIGID, TransmissionCalibration
+from teleop.control.feedback.stability import detectable
 from teleop.evaluation.teleoperation.loop_oscillation import (
     NO_OSCILLATION,
     ArmDamping,
     LoopOscillation,
     RunningSpectra,
-    detectable,
 )
 from teleop.evaluation.teleoperation.thresholds import (
     BEHIND,
@@ -83,7 +83,8 @@ class Rendering(NamedTuple):
     environment since the start [J]. A negative value means that the environment gave energy to the
     hand. The energy in the virtual damping and mass of the admittance is not included."""
     outcome: str = "not known"
-    """`stable`; `sustained oscillation`; `diverging`: the trial ended in a stop by the observer of
+    """`stable`; `sustained oscillation`: the loop moves the hand by more than tremor does, and by
+    more than the fingers detect; `diverging`: the trial ended in a stop by the observer of
     oscillations or of energy; `stopped: ...`: a stop by another fault; or `not known`: too little
     contact."""
     oscillation_m: float = 0.0
@@ -92,6 +93,8 @@ class Rendering(NamedTuple):
     """Frequency of this motion [Hz]; NaN if there is none."""
     detectable_m: float = math.nan
     """Smallest amplitude that the fingers detect at this frequency, about [m]."""
+    tremor_m: float = math.nan
+    """Amplitude of the other motion of the hand above 4 Hz, such as tremor [m]."""
     coupling_k: float = math.nan
     """Stiffness of the virtual coupling of a force-commanded master [N/m]; NaN if there is
     none."""
@@ -371,6 +374,7 @@ class RunningRendering:
             oscillation_m=oscillation.amplitude,
             oscillation_hz=oscillation.frequency,
             detectable_m=detectable(oscillation.frequency) if oscillation.share else math.nan,
+            tremor_m=oscillation.tremor,
             coupling_k=self._coupling_k if self._coupling_k < math.inf else math.nan,
             force_source=Rendering().force_source
             if self._coupling_k == math.inf
@@ -455,7 +459,8 @@ def outcome(fault: str, oscillation: LoopOscillation, compared: bool) -> str:
     """Return in words how the loop behaved; `compared`: whether there was enough contact."""
     if fault in DIVERGING:
         return "diverging"
-    if oscillation.share and oscillation.amplitude > detectable(oscillation.frequency):
+    felt = oscillation.share and oscillation.amplitude > detectable(oscillation.frequency)
+    if felt and oscillation.amplitude > oscillation.tremor:
         return "sustained oscillation"
     if fault:
         return f"stopped: {fault}"
