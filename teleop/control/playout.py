@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections import deque
 
 from drivers import new_tuple
+from teleop.control.channel import ROUNDING
 from teleop.control.feedback.law import MasterMotion
 
 SHORTENED = 0.01
@@ -44,15 +45,15 @@ class Playout:
         age = now - sent
         shorter = self._delay - SHORTENED * dt
         self._delay = delay = age if age > shorter else shorter
-        before, time = self.time, now - delay
+        time = now - delay
+        waits = time - self.time < ROUNDING
         self.time = time
         while len(packets) > 1 and packets[1][0] <= time:
             packets.popleft()
         start, first = packets[0]
         if start >= time or len(packets) == 1:
-            if time > before:
-                return first
-            return new_tuple(MasterMotion, (first.position, 0.0, first.energy))
+            velocity = 0.0 if waits else first.velocity
+            return new_tuple(MasterMotion, (first.position, velocity, first.energy))
         end, second = packets[1]
         span = end - start
         s = (time - start) / span
@@ -62,7 +63,5 @@ class Playout:
             rest * rest * ((1.0 + 2.0 * s) * first.position + s * span * first.velocity)
             + s * s * ((1.0 + 2.0 * rest) * second.position - rest * span * second.velocity)
         )
-        velocity = rest * first.velocity + s * second.velocity
-        if time <= before:
-            velocity = 0.0
+        velocity = 0.0 if waits else rest * first.velocity + s * second.velocity
         return new_tuple(MasterMotion, (position, velocity, first.energy))

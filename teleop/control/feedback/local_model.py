@@ -119,6 +119,8 @@ class PlayHypothesis:
         self._conditioner.reset()
         self._position = self._impulse = self._force = 0.0
         self._span = self._shift
+        self.tip = 0.0
+        """Latest position of the tip [m]."""
         self.error = 0.0
         """Weighted mean square of the force errors [N^2]."""
         self.sample = 0.0, 0.0, 0.0
@@ -135,7 +137,9 @@ class PlayHypothesis:
 
     def update(self, position: float, force: float, dt: float) -> bool:
         """Process position and force; return whether this completes a sample with contact."""
-        self._position += self._play.update(position) * dt
+        played = self._play.update(position)
+        self.tip = played - self._compliance * force
+        self._position += played * dt
         self._impulse += force * dt
         self._span = span = self._span + dt
         if span < SHORTEST:
@@ -232,7 +236,7 @@ class LocalModel:
     @property
     def tip(self) -> float:
         """Latest position of the tip [m]."""
-        return self._chosen.sample[0]
+        return self._chosen.tip
 
     def update(self, pair: Pair) -> None:
         """Update the estimate with a slave position and a contact force of the same time."""

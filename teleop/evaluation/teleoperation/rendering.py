@@ -192,6 +192,10 @@ class Blocks(NamedTuple):
     """Velocity of the tip [m/s]."""
     force: Floats
     """Contact force [N]."""
+    sent_handle: Floats
+    """Position of the handle at the time `sent` [m]."""
+    sent_felt: Floats
+    """Force that the hand felt at the time `sent` [N]."""
 
 
 class Comparison(NamedTuple):
@@ -318,16 +322,13 @@ class RunningRendering:
             self._means or [empty], axis=1
         )
         if not len(t):
-            return Blocks(*[t] * 8)
+            return Blocks(*[t] * 10)
         handle_velocity = np.diff(handle_end, prepend=handle_end[:1]) / span
         tip_velocity = np.diff(tip_end, prepend=tip_end[:1]) / span
+        earlier = np.interp(sent, t, handle), np.interp(sent, t, felt)
         part = t > self._settled
-        return Blocks(
-            *(
-                values[part]
-                for values in (t, sent, handle, handle_velocity, felt, tip, tip_velocity, f)
-            )
-        )
+        moved = (t, sent, handle, handle_velocity, felt, tip, tip_velocity, f, *earlier)
+        return Blocks(*(values[part] for values in moved))
 
     def comparison(self, blocks: Blocks) -> Comparison | None:
         """Return the force that the hand felt beside that of the tissue in the same motion.
@@ -391,7 +392,6 @@ class RunningRendering:
         terms_size = np.linalg.norm(terms, axis=0) + 1e-30
         fits = np.linalg.lstsq(terms / terms_size, np.stack((felt, correct), 1)[used], rcond=1e-9)
         (rendered_b, tissue_b) = fits[0][2] / terms_size[2]
-        at_slave = np.interp(blocks.sent, blocks.time, felt)
         contact = self._gain * np.abs(blocks.force) > LEAST_FORCE
         return rendering._replace(
             rendered_k=float(felt[used] @ p[used]) / square,
@@ -400,7 +400,7 @@ class RunningRendering:
             tissue_b=float(tissue_b),
             felt_force_error=relative_error(felt[used], correct[used]),
             contact_force_error=relative_error(
-                at_slave[contact], self._gain * blocks.force[contact]
+                blocks.sent_felt[contact], self._gain * blocks.force[contact]
             ),
             bandwidth_hz=found.bandwidth(),
         )
@@ -445,7 +445,7 @@ class RunningRendering:
                 "encoder, in series with the transmission"
             )
         contact = np.abs(blocks.force) * self._gain > LEAST_FORCE
-        at_slave = self._scale * np.interp(blocks.sent, blocks.time, blocks.handle)[contact]
+        at_slave = self._scale * blocks.sent_handle[contact]
         if self._coupling_k == math.inf and (
             behind := relative_error(at_slave, blocks.tip[contact])
         ) > BEHIND:

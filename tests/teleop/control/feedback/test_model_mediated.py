@@ -126,9 +126,9 @@ def test_after_a_small_motion_the_interval_contains_the_force_of_the_hard_cube_a
             x = 0.5 * depth * (1.0 - math.cos(omega * n * DT))
             v = 0.5 * depth * omega * math.sin(omega * n * DT)
             model.update(Pair(x, cube.force(x, v) + noise.gauss(0.0, 0.02), DT))
-        _, k, k3 = model._estimator.state.theta
+        _, k, k3 = model._chosen._estimator.state.theta
         error = k * deep + k3 * deep**3 - cube.force(deep, 0.0)
-        assert abs(error) < model._half_interval(deep)
+        assert abs(error) < model._chosen.half_interval(deep)
 
 
 def test_a_disturbance_at_the_rate_of_the_estimator_does_not_change_the_model():
