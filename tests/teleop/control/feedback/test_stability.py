@@ -148,3 +148,50 @@ def test_the_safe_delay_is_below_that_of_the_full_model_of_the_simulated_rig(
     """`full` is the largest stable round trip of a model with servo, force channels and loop."""
     loop = DelayedLoop(0.5, damping, arm_stiffness, arm_damping, k, arm_lag=6.48e-3)
     assert loop.safe_delay - 4.16e-3 <= full + 0.1e-3
+
+
+def play_loop_amplitude(loop, delay, half_width, start):
+    """Return the amplitude after 12 s of a simulation of the delayed loop with a play [m]."""
+    step = 1e-4
+    back = max(round(delay / step), 1)
+    x, v, played = start, 0.0, 0.0
+    past = [0.0] * back
+    largest = 0.0
+    for n in range(120_000):
+        if abs(x - played) > half_width:
+            played = x - math.copysign(half_width, x - played)
+        past.append(loop.gain * loop.k * played)
+        force = past.pop(0)
+        v += step / loop.mass * (-loop.resistance * v - loop.arm_stiffness * x - force)
+        x += v * step
+        if n > 100_000:
+            largest = max(largest, abs(x))
+    return largest
+
+
+@pytest.mark.parametrize(
+    ("damping", "arm", "delay"),
+    [(10.0, 250.0, 6.8e-3), (15.0, 250.0, 9e-3), (30.0, 400.0, 8e-3), (15.0, 0.0, 1e-3)],
+)
+def test_the_limit_cycle_of_lost_motion_is_that_of_a_simulation(damping, arm, delay):
+    """The describing function neglects harmonics, so that its amplitude is approximate."""
+    loop = DelayedLoop(0.5, damping, arm, 5.0 if arm else 0.0, 2100.0)
+    half_width = 120e-6
+    assert delay < loop.safe_delay
+    found = loop.limit_cycle(delay, half_width)
+    simulated = play_loop_amplitude(loop, delay, half_width, 3e-3)
+    if found is None:
+        assert simulated < 1.5 * half_width
+    else:
+        assert simulated == pytest.approx(found.amplitude, rel=0.35)
+
+
+@given(LOOPS, st.floats(1e-6, 1e-3), st.floats(1.5, 10.0))
+def test_the_limit_cycle_is_proportional_to_the_lost_motion(loop, half_width, factor):
+    delay = 0.5 * loop.safe_delay
+    one, other = (loop.limit_cycle(delay, width) for width in (half_width, factor * half_width))
+    assert (one is None) == (other is None)
+    if one and other:
+        assert other.amplitude == pytest.approx(factor * one.amplitude)
+        assert other.frequency == one.frequency
+    assert loop.limit_cycle(delay, 0.0) is None
