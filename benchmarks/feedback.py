@@ -52,8 +52,6 @@ TREMORS = (0.0, TREMOR_AMPLITUDE)
 tremor that the loop amplifies."""
 MOST_K, MOST_FORCE = 0.1, 0.15
 """Errors of felt stiffness and felt force that are permitted in the summary."""
-INSTANTS = 10
-"""Number of trials on a body that changes while it is indented, each at another time of a poke."""
 Row = dict[str, Any]
 
 
@@ -75,17 +73,25 @@ def channelled(law: str, cube: str, trip: float, **more: Any) -> Row:
 
 
 def bodies(seeds: range, rigid: bool) -> Iterator[Row]:
-    """Yield the trials on bodies that the local model does not describe."""
-    cases = (
-        ("relaxing", CUBES),
-        ("loose", CUBES),
-        ("stiffer at the next contact", ("soft", "medium")),
-        ("stiffer while indented", ("soft", "medium")),
-    )
-    for body, cubes in cases:
-        chosen = range(INSTANTS) if body == "stiffer while indented" else seeds
-        for cube, trip, seed in itertools.product(cubes, (0.0, 0.2), chosen):
-            yield channelled("model-mediated", cube, trip, body=body, seed=seed, rigid=rigid)
+    """Yield the trials on bodies that the local model does not describe, or that change."""
+    swaps = [f"{a} to {b}" for a, b in itertools.permutations(CUBES, 2)]
+    softer = [f"{a} while indented to {b}" for a, b in itertools.combinations(CUBES[::-1], 2)]
+    cases = [(body, body.split()[0]) for body in (*swaps, *softer)]
+    cases += [(body, cube) for body in ("loose", "relaxing") for cube in CUBES]
+    cases += [("inclusion", "soft"), ("hunt-crossley", "soft")]
+    for seed, (body, cube), trip in itertools.product(seeds, cases, (0.0, 0.2)):
+        yield channelled(
+            "model-mediated", cube, trip, body=body, seed=seed, rigid=rigid, duration=12.0
+        )
+
+
+def stiffening(seeds: range, rigid: bool) -> Iterator[Row]:
+    """Yield the trials on bodies that become stiffer while they are indented."""
+    for seed, (before, after), trip in itertools.product(
+        seeds, itertools.combinations(CUBES, 2), (0.0, 0.2)
+    ):
+        body = f"{before} while indented to {after}"
+        yield channelled("model-mediated", before, trip, body=body, seed=seed, rigid=rigid)
 
 
 def map_round_trips(rate: float) -> list[float]:
@@ -133,11 +139,13 @@ def run_single(case: Row) -> list[Row]:
 PARTS = {
     "acceptance": acceptance,
     "bodies": bodies,
+    "stiffening": stiffening,
     "map": stability_map,
 }
 KEYS = {
     "acceptance": ("cube", "round_trip"),
     "bodies": ("body", "cube", "round_trip"),
+    "stiffening": ("body", "round_trip"),
     "map": ("rate", "tremor", "cube", "damping", "arm", "round_trip"),
 }
 """Arguments by which the summary groups the trials of a part."""
@@ -260,9 +268,7 @@ def main() -> None:
     options = parser.parse_args()
     seeds = range(options.first_seed, options.first_seed + options.seeds)
     cases = [
-        case
-        for case in PARTS[options.part](seeds, options.rigid)
-        if case["cube"] in options.cubes
+        case for case in PARTS[options.part](seeds, options.rigid) if case["cube"] in options.cubes
     ]
     run = run_to_boundary if options.part == "map" else run_single
     with ExitStack() as stack:
@@ -283,7 +289,7 @@ def main() -> None:
         for rate, tremor in itertools.product(RATES, TREMORS):
             part = [row for row in rows if row["rate"] == rate and row["tremor"] == tremor]
             summarise_map(part, rate, tremor)
-    if options.part == "bodies":
+    if options.part == "stiffening":
         summarise_stops(rows)
 
 

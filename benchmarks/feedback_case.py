@@ -9,9 +9,11 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from feedback_bodies import BODIES
+from feedback_bodies import body as named_body
+from feedback_bodies import is_left
 
 from estimation.arrays import Floats
+from sim_backend.bodies import LIFTED
 from sim_backend import Changing, OperatorModel, Setup, Transmission, operators
 from teleop.control.admittance import AdmittanceParameters
 from teleop.control.channel import ChannelSettings
@@ -32,6 +34,8 @@ SOFT, HARD = 20.0, 40.0
 DURATION = 10.0
 """Duration of a trial [s]."""
 JITTER, LOSS = 20e-3, 0.05
+ADAPTED = 2.0
+"""Time after a change of the body from which the felt stiffness is compared [s]."""
 
 
 def settings_of(
@@ -56,13 +60,13 @@ def settings_of(
     """
     settings = TrialSettings(cube=cube, clock="virtual", duration=duration, seed=seed, rate=rate)
     setup = settings.setup
-    withdrawal = -0.2 if body in ("loose", "stiffer at the next contact") else 0.5
+    withdrawal = -0.2 if is_left(body) else 0.5
     stated = {"force_lag": setup.force_lag, "lost_motion": 0.0} if rigid else {}
     return replace(
         settings,
         **stated,
         custom_setup=Setup(
-            BODIES[body](setup.cube, seed),
+            named_body(body, setup.cube, seed),
             setup.force_lag,
             setup.depth,
             Transmission() if rigid else setup.transmission,
@@ -131,20 +135,29 @@ def largest_round_trip(settings: TrialSettings) -> float:
 def against_the_law(recording: Recording, settings: TrialSettings) -> dict[str, float]:
     """Return the errors of what the hand felt against the law of the simulated body.
 
-    The law is that of the simulation, and not a fit as in the evaluation. It is evaluated in the
-    motion of the hand. A body that relaxes has the law of slow motion; one that changes has none.
+    The simulated body is moved like the hand, without any fit. For a body that changes, the values
+    are those from `ADAPTED` s after the change.
     """
     names = ("true_k_error", "true_force_error", "shaking_um")
     active = recording.where(recording["mode"] == ACTIVE)
-    part = active["time"] > SETTLING
-    if isinstance(settings.setup.cube, Changing) or part.sum() < 1000:
+    part, body = active["time"] > SETTLING, settings.setup.cube
+    if isinstance(settings.setup.cube, Changing):
+        changed = change_time(recording, settings)
+        part = active["time"] > changed + ADAPTED
+        body = settings.setup.cube.after
+    if part.sum() < 1000:
         return dict.fromkeys(names, math.nan)
     admittance, scale = settings.admittance, settings.coupling.scale
     felt = hand(active, admittance.mass, admittance.damping, admittance.stiffness, scale)
-    law = settings.setup.cube.slow
     x = scale * felt.position
     v = np.gradient(x) / active["dt"]
-    correct = np.array([law.force(*state) for state in zip(x.tolist(), v.tolist(), strict=True)])
+    correct, state = np.empty(len(x)), body.initial
+    for i, (depth, speed, dt) in enumerate(
+        zip(x.tolist(), v.tolist(), active["dt"].tolist(), strict=True)
+    ):
+        law = body.law(state)
+        correct[i] = law.force(depth, speed)
+        state = body.advanced(state, law.surface(depth), dt)
     shown = active["displayed_force"]
     used = part & (np.abs(correct) > LEAST_FORCE)
     correct, shown, at_hand = correct[used], shown[used], felt.position[used]
@@ -153,6 +166,27 @@ def against_the_law(recording: Recording, settings: TrialSettings) -> dict[str, 
         "true_force_error": float(np.linalg.norm(shown - correct) / np.linalg.norm(correct)),
         "shaking_um": shaking(felt.position[part], float(np.mean(active["dt"]))) * 1e6,
     }
+
+
+def change_time(recording: Recording, settings: TrialSettings) -> float:
+    """Return the time at which the simulated body changed [s]; infinite if it did not.
+
+    The contacts are counted as by `sim_backend.Changing`, at the true position of the tip.
+    """
+    body = settings.setup.cube
+    contacts, outside = 0, math.inf
+    tips = settings.setup.tip(recording["slave_position"].tolist())
+    for time, tip, dt in zip(
+        recording["time"].tolist(), tips, recording["dt"].tolist(), strict=True
+    ):
+        if tip > 0.0:
+            contacts += outside >= LIFTED
+            outside = 0.0
+        else:
+            outside += dt
+        if contacts >= body.contact:
+            return float(time) + body.delay
+    return math.inf
 
 
 def shaking(position: Floats, dt: float) -> float:

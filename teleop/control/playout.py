@@ -59,9 +59,8 @@ class Playout:
         s = (time - start) / span
         # cubic Hermite interpolation of the position
         rest = 1.0 - s
-        position = (
-            rest * rest * ((1.0 + 2.0 * s) * first.position + s * span * first.velocity)
-            + s * s * ((1.0 + 2.0 * rest) * second.position - rest * span * second.velocity)
-        )
+        position = rest * rest * (
+            (1.0 + 2.0 * s) * first.position + s * span * first.velocity
+        ) + s * s * ((1.0 + 2.0 * rest) * second.position - rest * span * second.velocity)
         velocity = 0.0 if waits else rest * first.velocity + s * second.velocity
         return new_tuple(MasterMotion, (position, velocity, first.energy))

@@ -63,6 +63,4 @@ class TipPosition:
         middle = self._play.update(tip)
         share = self.half_width / SMOOTHING
         crossing = share if middle == before else 0.0
-        return EncoderGoal(
-            tip + stretch + share * (tip - middle), 1.0 + stretch_slope + crossing
-        )
+        return EncoderGoal(tip + stretch + share * (tip - middle), 1.0 + stretch_slope + crossing)

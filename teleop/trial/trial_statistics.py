@@ -170,6 +170,4 @@ def rendering_of(ticks: Recording | RecordingFile, settings: TrialSettings) -> R
     prior = gain * scale * STIFF_PRIOR if law.displays_prior else None
     known = settings.link_transmission if settings.lost_motion_known else None
     coupling = settings.coupling_stiffness
-    return RunningRendering(
-        hand, scale, gain, end, arm, prior, coupling, known, settings.is_glued
-    )
+    return RunningRendering(hand, scale, gain, end, arm, prior, coupling, known, settings.is_glued)

@@ -14,7 +14,7 @@ conditions must be true for an estimate to be accepted:
 - The 95 % interval of the predicted force at the deepest recent position is narrow.
 
 The deepest recent position is the largest displacement. It decreases with the time constant `REACH`
-while the displacement is smaller.
+while the displacement is smaller. It is at most the position of the largest recent force.
 
 At the start, the model is the stiff prior, a spring with the large stiffness `STIFF_PRIOR`. Each
 accepted estimate becomes the new model. If the force differs from that of the model for `CHANGED`
@@ -76,7 +76,10 @@ DOUBT = 1.25
 HALF_WIDTHS = tuple(30e-6 * i for i in range(9))
 """Half widths of the play of which one is chosen if the lost motion is not known [m]."""
 WRONG = 0.3
-"""Ratio of the force error of the model to the force from which the model is treated as wrong."""
+"""Force error of the model, divided by the largest recent force, above which the model is treated
+as wrong."""
+LEAST_ERROR = 0.5
+"""Force error below which the model is not treated as wrong [N]."""
 CHANGED = 0.1
 """Time for which the model must be wrong until the estimator starts again [s]."""
 SELECTION = 2.0
@@ -119,6 +122,9 @@ class PlayHypothesis:
         self._conditioner.reset()
         self._position = self._impulse = self._force = 0.0
         self._span = self._shift
+        self._reach = 0.0
+        self.strongest = 0.0
+        """Largest recent force [N]; it decreases like the deepest recent position."""
         self.tip = 0.0
         """Latest position of the tip [m]."""
         self.error = 0.0
@@ -131,7 +137,7 @@ class PlayHypothesis:
         """Discard the estimate, but not the state of the transmission."""
         self._estimator.reset()
         self._misfit.reset()
-        self.misfit = self.reach = 0.0
+        self.misfit = 0.0
         self.estimate: Estimate | None = None
         """Latest estimate; None before the first one."""
 
@@ -153,7 +159,9 @@ class PlayHypothesis:
         self._position = self._impulse = self._span = 0.0
         self._force = force
         x, v, f, further = self._conditioner.update(tip, f, span)
-        self.reach = max(abs(x), self.reach * (1.0 - span / REACH))
+        kept = 1.0 - span / REACH
+        self._reach = max(abs(x), self._reach * kept)
+        self.strongest = max(abs(f), self.strongest * kept)
         self.sample = x, v, f
         if abs(f) < LEAST_FORCE:
             return False
@@ -174,7 +182,8 @@ class PlayHypothesis:
         """
         if self.estimate is None:
             return None
-        x, k, k3 = self.reach, self.estimate.k, self.estimate.further[0]
+        k, k3 = self.estimate.k, self.estimate.further[0]
+        x = self.deepest(k, k3)
         secant = k + k3 * x * x
         if not self.half_interval(x) <= WIDEST * secant * x:
             return None
@@ -183,6 +192,22 @@ class PlayHypothesis:
         elif k < 0.0:
             k, k3 = 0.0, secant / (x * x)
         return Environment(k, k3, max(self.estimate.b, 0.0), self._glued)
+
+    def deepest(self, k: float, k3: float) -> float:
+        """Return the deepest recent position [m], at most that of the largest recent force.
+
+        A body that has become stiffer is not indented as deeply as the one before.
+        """
+        low, high = 0.0, self._reach
+        if (k + k3 * high * high) * high <= self.strongest:
+            return high
+        for _ in range(12):
+            middle = 0.5 * (low + high)
+            if (k + k3 * middle * middle) * middle > self.strongest:
+                high = middle
+            else:
+                low = middle
+        return high
 
     def half_interval(self, x: float) -> float:
         """Return half of the width [N] of the 95 % interval of the predicted force at x [m].
@@ -267,7 +292,8 @@ class LocalModel:
         if not self._accepted or not self._known:
             return False
         error = abs(f - self.model.force(x, v))
-        self._wrong = self._wrong + PERIOD if error > WRONG * abs(f) and error > 0.5 else 0.0
+        is_wrong = error > WRONG * self._chosen.strongest and error > LEAST_ERROR
+        self._wrong = self._wrong + PERIOD if is_wrong else 0.0
         return self._wrong > CHANGED
 
     def _restart(self) -> None:

@@ -109,13 +109,17 @@ class RunningSpectra:
         threshold = np.full(len(frequency), LEAST_DAMPING)
         if self._arm_damping:
             threshold = np.maximum(threshold, SUSTAINING * self._arm_damping(frequency))
-        oscillating = (frequency > FASTEST_HAND) & (self._from_hand < -threshold * self._motion)
+        active = self._from_hand < -threshold * self._motion
+        oscillating = (frequency > FASTEST_HAND) & active
         # Parseval's theorem, with the mean power of the window
         window = np.hanning(self._length)
         scale = 4.0 / (self._segments * self._length * float(window @ window))
         displaced = scale * self._motion / np.maximum(2.0 * np.pi * frequency, 1e-9) ** 2
         tremor = displaced[(frequency > FASTEST_HAND) & ~oscillating]
-        if not oscillating.any():
+        # The voluntary motion on a body that is left has harmonics, which decrease with frequency.
+        harmonics = (frequency >= 0.5 * FASTEST_HAND) & (frequency <= FASTEST_HAND)
+        largest = float(np.max(self._motion[oscillating], initial=0.0))
+        if largest <= float(np.max(self._motion[harmonics], initial=0.0)):
             return NO_OSCILLATION._replace(tremor=math.sqrt(float(tremor.sum())))
         power = np.where(oscillating, self._motion, 0.0)
         return LoopOscillation(

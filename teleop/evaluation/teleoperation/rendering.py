@@ -446,9 +446,10 @@ class RunningRendering:
             )
         contact = np.abs(blocks.force) * self._gain > LEAST_FORCE
         at_slave = self._scale * blocks.sent_handle[contact]
-        if self._coupling_k == math.inf and (
-            behind := relative_error(at_slave, blocks.tip[contact])
-        ) > BEHIND:
+        if (
+            self._coupling_k == math.inf
+            and (behind := relative_error(at_slave, blocks.tip[contact])) > BEHIND
+        ):
             yield (
                 f"the tip did not follow the hand (difference {behind:.0%} of the depth): a limit "
                 "of the slave reduced its motion"

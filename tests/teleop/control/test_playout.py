@@ -16,7 +16,9 @@ DT = 1e-3
 
 
 def motion(t):
-    return MasterMotion(5e-3 * math.sin(2.0 * math.pi * t), 5e-3 * 2 * math.pi * math.cos(6.2832 * t))
+    return MasterMotion(
+        5e-3 * math.sin(2.0 * math.pi * t), 5e-3 * 2 * math.pi * math.cos(6.2832 * t)
+    )
 
 
 @given(

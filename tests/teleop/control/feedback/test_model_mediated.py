@@ -164,9 +164,7 @@ def palpate_through(model, transmission, law, seconds=4.0, depth=4e-3, start=0.0
 @pytest.mark.parametrize(("name", "depth"), [("soft", 4e-3), ("hard", 0.7e-3)])
 def test_with_lost_motion_the_model_is_that_of_the_tissue_at_the_tip(name, depth, known):
     transmission = Transmission(120e-6, 7e-6)
-    calibrated = TransmissionCalibration(
-        lost_motion=120e-6 if known else 0.0, compliance=7e-6
-    )
+    calibrated = TransmissionCalibration(lost_motion=120e-6 if known else 0.0, compliance=7e-6)
     model, cube = LocalModel(calibrated, known), CUBES[name]
     palpate_through(model, transmission, cube, depth=depth)
     assert model.half_width == pytest.approx(120e-6)

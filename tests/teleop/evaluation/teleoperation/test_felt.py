@@ -93,8 +93,9 @@ def test_the_felt_damping_is_the_part_of_the_force_in_phase_with_the_velocity(fe
     found = {}
     for name, force in (("rendered_b", felt.felt), ("tissue_b", felt.tissue)):
         elastic = np.polynomial.Polynomial.fit(x[used], force[used], 5)
-        rest, speed = force[used] - elastic(x[used]), v[used] - np.polyval(
-            np.polyfit(x[used], v[used], 5), x[used]
+        rest, speed = (
+            force[used] - elastic(x[used]),
+            v[used] - np.polyval(np.polyfit(x[used], v[used], 5), x[used]),
         )
         found[name] = rest @ speed / (speed @ speed)
     scale = felt.law.b + abs(found["rendered_b"])
