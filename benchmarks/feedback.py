@@ -7,9 +7,9 @@
 
 The acceptance grid is model-mediated feedback on three cubes, with round trips of 0 to 1 s and
 three arms, a jitter of 20 ms and a loss of 5 %. The felt stiffness and force are compared with the
-law of the simulated body at the position of the hand. The map finds, for position-force and each cube,
-virtual damping and arm, the largest stable round trip beside the predicted one. One row per trial
-is written to a CSV file, and a summary is printed.
+law of the simulated body at the position of the hand. The map finds, for position-force and each
+cube, virtual damping and arm, the largest stable round trip beside the predicted one. One row per
+trial is written to a CSV file, and a summary is printed.
 """
 
 from __future__ import annotations

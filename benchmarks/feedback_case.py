@@ -13,8 +13,8 @@ from feedback_bodies import body as named_body
 from feedback_bodies import is_left
 
 from estimation.arrays import Floats
-from sim_backend.bodies import LIFTED
 from sim_backend import Changing, OperatorModel, Setup, Transmission, operators
+from sim_backend.bodies import LIFTED
 from teleop.control.admittance import AdmittanceParameters
 from teleop.control.channel import ChannelSettings
 from teleop.control.feedback.settings import FeedbackSettings
@@ -55,8 +55,9 @@ def settings_of(
 ) -> TrialSettings:
     """Return the settings of a trial.
 
-    `rigid` selects a transmission without lost motion, with the lag of the force stated. The operator `force` reverses the motion at
-    the contact force `AIM`, and the operator `depth`, the default of a trial, at a depth.
+    `rigid` selects a transmission without lost motion, with the lag of the force stated. The
+    operator `force` reverses the motion at the contact force `AIM`, and the operator `depth`, the
+    default of a trial, at a depth.
     """
     settings = TrialSettings(cube=cube, clock="virtual", duration=duration, seed=seed, rate=rate)
     setup = settings.setup

@@ -12,8 +12,13 @@ from estimation.quantities import STIFFNESS
 from sim_backend.plant import UNATTENDED
 from teleop.control.channel import ChannelSettings
 from teleop.control.feedback.law import STIFF_PRIOR
-from teleop.control.feedback.stability import DelayedLoop, detectable
-from teleop.control.tip_position import SMOOTHING
+from teleop.control.feedback.stability import (
+    DelayedLoop,
+    Responses,
+    detectable,
+    response_of_compensated_play,
+    response_of_play,
+)
 from teleop.errors import InputError
 from teleop.settings.trial_settings import TrialSettings
 
@@ -23,6 +28,10 @@ one period, which is a mean delay of half a period."""
 
 ASSUMED_LOST_MOTION = 200e-6
 """Half width of the lost motion that is assumed if it is not known [m]."""
+TREMOR = 50e-6
+"""Amplitude of an oscillation of the hand that is hidden by tremor [m]. At the tool of a surgeon,
+the amplitude of tremor is about 0.1 mm (S. P. N. Singh, C. N. Riviere, Proc. IEEE Northeast
+Bioeng. Conf., 2002)."""
 COUPLED_LOOP_DELAY = 3.5
 """Delay of the control loop with a force-commanded master in periods, without its latency."""
 
@@ -59,42 +68,48 @@ def check_feedback(settings: TrialSettings) -> str:
 def oscillation(settings: TrialSettings, loop: DelayedLoop, delay: float) -> str:
     """Return why the loop would oscillate because of lost motion; empty if it would not.
 
-    An oscillation that the fingers do not detect is permitted.
+    An oscillation is permitted if the fingers do not detect it, or if tremor is larger.
     """
-    lost = uncompensated(settings)
-    cycle = loop.limit_cycle(delay, lost)
-    if cycle is None or cycle.amplitude / settings.coupling.scale < detectable(cycle.frequency):
+    lost, played = lost_motion(settings)
+    cycle = loop.limit_cycle(delay, played)
+    if cycle is None:
+        return ""
+    amplitude = cycle.amplitude / settings.coupling.scale
+    if amplitude < max(detectable(cycle.frequency), TREMOR):
         return ""
     damping, step = loop.damping, 1.0
     while step > 0.1:
         trial = replace(loop, damping=damping + step)
-        if trial.limit_cycle(delay, lost) is None:
+        cycle_at = trial.limit_cycle(delay, played)
+        if cycle_at is None or cycle_at.amplitude < TREMOR * settings.coupling.scale:
             step *= 0.5
         else:
             damping += step
             step *= 2.0
-    source = "" if settings.lost_motion_known else "that is assumed because it is not calibrated, "
-    remedy = "" if settings.lost_motion_known else "a calibration (teleop lag), "
+    source, remedy = "which the command of the slave compensates, ", ""
+    if not settings.lost_motion_known:
+        source = "which is assumed because it is not calibrated, "
+        remedy = "a calibration (teleop lag), "
     return (
         f"with a delay of {delay * 1e3:.1f} ms and a lost motion of {lost * 1e6:.0f} um, {source}"
-        f"the hand would oscillate by {cycle.amplitude / settings.coupling.scale * 1e6:.0f} um at "
+        f"the hand would oscillate by {amplitude * 1e6:.0f} um at "
         f"{cycle.frequency:.0f} Hz: expected {remedy}a virtual damping of at least "
         f"{damping + 0.1:.0f} N s/m, or feedback model-mediated"
     )
 
 
-def uncompensated(settings: TrialSettings) -> float:
-    """Return the half width of the lost motion that the command of the slave leaves [m].
+def lost_motion(settings: TrialSettings) -> tuple[float, Responses]:
+    """Return the half width of the play of the slave [m], and the response of its tip.
 
-    If the lost motion is not known, it is assumed to be `ASSUMED_LOST_MOTION`.
+    If the lost motion is not known, it is assumed to be `ASSUMED_LOST_MOTION`, and is not
+    compensated.
     """
     if not settings.lost_motion_known:
-        return ASSUMED_LOST_MOTION
+        return ASSUMED_LOST_MOTION, response_of_play(ASSUMED_LOST_MOTION)
     known = settings.link_transmission
-    if known.lost_motion == 0.0:
-        return 0.0
-    left = SMOOTHING * known.lost_motion / (SMOOTHING + known.lost_motion)
-    return left + known.lost_motion_error
+    return known.lost_motion, response_of_compensated_play(
+        known.lost_motion, known.lost_motion_error
+    )
 
 
 def unknown_values(settings: TrialSettings) -> list[str]:

@@ -21,7 +21,7 @@ from teleop.safety.events import ACTIVE, STOPPING
 from teleop.safety.soft_limits import FLAGS
 from teleop.settings.feedback_checks import arm_damping
 from teleop.settings.trial_settings import TrialSettings
-from teleop.trial.recorded_trial import averaged_part
+from teleop.trial.recorded_trial import averaged_part, trial_settings
 
 
 class TrialStatistics:
@@ -151,6 +151,16 @@ class TrialStatistics:
             **found._asdict(),
             "stable": found.stable,
         }
+
+
+def recorded_rendering(recording: Recording) -> RunningRendering | None:
+    """Return what the hand felt in a recorded trial; None without force feedback or settings."""
+    settings = trial_settings(recording)
+    if not settings or settings.feedback.law == "none":
+        return None
+    rendering = rendering_of(recording, settings)
+    rendering.add(recording.where(recording["mode"] == ACTIVE))
+    return rendering
 
 
 def rendering_of(ticks: Recording | RecordingFile, settings: TrialSettings) -> RunningRendering:

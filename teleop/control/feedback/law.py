@@ -151,9 +151,9 @@ class SlaveHalf:
     """Base class of the part of a force-feedback law that runs at the slave.
 
     It is also the slave half of the law `none`. Its tip follows the scaled position of the master:
-    lost motion and compliance of the transmission are compensated. `stiffness` is the expected slope of the contact
-    force over the position of the slave [N/m]. The supervisor uses it to limit the speed of the
-    slave.
+    lost motion and compliance of the transmission are compensated. `stiffness` is the expected
+    slope of the contact force over the position of the slave [N/m]. The supervisor uses it to limit
+    the speed of the slave.
     """
 
     def __init__(

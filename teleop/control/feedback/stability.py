@@ -54,23 +54,33 @@ any delay. The loop keeps an oscillation of the amplitude A if (1), with k + b s
 has a root without damping. The amplitude is proportional to delta, but whether there is such an
 amplitude does not depend on delta.
 
-Sources: A. Gelb, W. E. Vander Velde, "Multiple-Input Describing Functions and Nonlinear System
-Design", McGraw-Hill, 1968, for the describing function; W. S. Kim, B. Hannaford, A. K. Bejczy, "Force-reflection and shared compliant control in
+The command of the slave compensates a known lost motion (`teleop.control.tip_position`). What is
+left are a short delay of the tip at each reversal, and the error of the calibration. The describing
+function of inverse and play together is computed from their response to a sine.
+
+Sources: W. S. Kim, B. Hannaford, A. K. Bejczy, "Force-reflection and shared compliant control in
 operating telemanipulators with time delay", IEEE Trans. Robotics and Automation 8(2), 1992;
 J. E. Marshall, H. Gorecki, A. Korytowski, K. Walton, "Time-Delay Systems: Stability and Performance
-Criteria with Applications", 1992, for the solutions on the imaginary axis.
+Criteria with Applications", 1992, for the solutions on the imaginary axis; A. Gelb, W. E. Vander
+Velde, "Multiple-Input Describing Functions and Nonlinear System Design", McGraw-Hill, 1968.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 
-AMPLITUDES = np.geomspace(1.001, 300.0, 120)
+from estimation.filters import Play
+from teleop.control.tip_position import SMOOTHING, TipPosition
+
+RATIOS = np.geomspace(1.001, 300.0, 80)
 """Amplitudes for which oscillations are looked for, divided by the half width of the play."""
+POINTS = 300
+"""Number of points of a period at which the response to a sine is computed."""
 FREQUENCIES = np.geomspace(2.0, 600.0, 1500)
 """Angular frequencies for which oscillations are looked for [rad/s]."""
 
@@ -84,6 +94,10 @@ class LimitCycle(NamedTuple):
     """Frequency [Hz]."""
 
 
+Responses = tuple[tuple[float, complex], ...]
+"""Describing function: amplitudes of a sine [m], in increasing order, and the response to each."""
+
+
 def detectable(frequency: float) -> float:
     """Return the smallest amplitude of a vibration that the fingers detect, about [m].
 
@@ -94,7 +108,7 @@ def detectable(frequency: float) -> float:
     """
     slow = math.log2(min(max(frequency, 3.0), 35.0) / 3.0)
     fast = math.log2(min(max(frequency, 35.0), 250.0) / 35.0)
-    return 25e-6 * 10.0 ** (-(5.0 * slow + 12.0 * fast) / 20.0)
+    return 25e-6 * math.pow(10.0, -(5.0 * slow + 12.0 * fast) / 20.0)
 
 
 @dataclass(frozen=True)
@@ -171,27 +185,49 @@ class DelayedLoop:
                 delays.append(phase % (2.0 * math.pi) / w)
         return min(delays, default=math.inf)
 
-    def limit_cycle(self, delay: float, half_width: float) -> LimitCycle | None:
-        """Return the largest oscillation that the loop keeps with lost motion; None if there is none.
+    def limit_cycle(self, delay: float, played: Responses) -> LimitCycle | None:
+        """Return the largest oscillation that the loop keeps with lost motion, or None.
 
-        `delay` is tau [s], and `half_width` that of the play at the slave [m].
+        `delay` is tau [s], and `played` the describing function of the play at the slave.
         """
-        if half_width <= 0.0:
-            return None
         w = FREQUENCIES
         linear = self.arm_stiffness + self.spring - self.mass * w * w + 1j * self.resistance * w
         force = self.gain * (self.k + 1j * self.b * w) * np.exp(-1j * w * delay)
-        for ratio in AMPLITUDES[::-1].tolist():
-            total = linear + force * describing_function(ratio)
+        for amplitude, response in reversed(played):
+            total = linear + force * response
             resonances = np.flatnonzero((total.real[:-1] > 0.0) & (total.real[1:] <= 0.0))
             undamped = resonances[total.imag[resonances] < 0.0]
             if len(undamped):
-                return LimitCycle(ratio * half_width, float(w[undamped[0]]) / (2.0 * math.pi))
+                return LimitCycle(amplitude, float(w[undamped[0]]) / (2.0 * math.pi))
         return None
 
 
-def describing_function(ratio: float) -> complex:
+def response_of_play(half_width: float) -> Responses:
+    """Return the describing function of a play with this half width [m]."""
+    return tuple((ratio * half_width, of_play(ratio)) for ratio in RATIOS.tolist() if half_width)
+
+
+def of_play(ratio: float) -> complex:
     """Return N(A) of a play with the amplitude A = `ratio` times its half width, `ratio` > 1."""
     u = 1.0 - 2.0 / ratio
     real = 0.5 + (math.asin(u) + u * math.sqrt(1.0 - u * u)) / math.pi
     return complex(real, -4.0 / (math.pi * ratio) * (1.0 - 1.0 / ratio))
+
+
+@lru_cache(maxsize=16)
+def response_of_compensated_play(half_width: float, error: float = 0.0) -> Responses:
+    """Return the describing function of the tip whose command compensates the play.
+
+    `half_width` is the known half width of the play [m]. The true one is larger by `error` [m].
+    """
+    if half_width == 0.0:
+        return response_of_play(error)
+    angles = np.linspace(0.0, 4.0 * math.pi, 2 * POINTS, endpoint=False)
+    last = np.exp(-1j * angles[POINTS:])
+    found = []
+    for amplitude in (SMOOTHING * RATIOS).tolist():
+        inverse, play = TipPosition(half_width), Play(half_width + error)
+        desired = (amplitude * np.sin(angles)).tolist()
+        tip = [play.update(inverse.goal(r, 0.0, 0.0).position) for r in desired][POINTS:]
+        found.append((amplitude, complex(2.0 * np.mean(tip * last) / amplitude * 1j)))
+    return tuple(found)

@@ -368,7 +368,7 @@ class RunningRendering:
         blocks = self.blocks()
         found = self.comparison(blocks)
         used = np.abs(found.correct) > LEAST_FORCE if found else np.empty(0, dtype=bool)
-        compared = found is not None and np.count_nonzero(used) >= FEWEST_BLOCKS
+        compared = found is not None and int(np.count_nonzero(used)) >= FEWEST_BLOCKS
         rendering = Rendering(
             energy_min_j=self._lowest if self._ticks else math.nan,
             outcome=outcome(fault, oscillation, compared),

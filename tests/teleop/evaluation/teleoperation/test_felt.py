@@ -1,4 +1,4 @@
-"""Each measure of what the hand felt, computed again from the recorded signals by other formulas."""
+"""Each measure of what the hand felt, computed again from recorded signals by other formulas."""
 
 from __future__ import annotations
 
