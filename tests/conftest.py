@@ -48,9 +48,12 @@ def pytest_collection_modifyitems(items):
 
 
 def pytest_runtest_setup(item):
-    """Lower the priority of a worker that computes: tests in real time get a processor at once."""
+    """Lower the priority of a worker that computes: tests in real time get a processor at once.
+
+    A lower priority than this one would starve the tests beside other programs of the machine.
+    """
     if computes(item) and hasattr(os, "nice") and not os.nice(0):
-        os.nice(10)
+        os.nice(5)
 
 
 def computes(item):
