@@ -42,6 +42,38 @@ sys.dont_write_bytecode = False
 gc.unfreeze = lambda: None  # a trial in real time would end what `quick_garbage_collection` does
 
 
+def pytest_configure(config):
+    """Rewrite the assertions of all test files once, before each worker does it for itself.
+
+    In a clean checkout, this takes longer than the rest of the collection.
+    """
+    if "PYTEST_XDIST_WORKER" in os.environ or not config.getoption("numprocesses", None):
+        return
+    files = sorted((ROOT / "tests").rglob("test_*.py"))
+    child = os.fork() if hasattr(os, "fork") else None
+    try:
+        rewrite_assertions(config, files if child is None else files[bool(child) :: 2])
+    finally:
+        if child == 0:
+            os._exit(0)
+    if child:
+        os.waitpid(child, 0)
+
+
+def rewrite_assertions(config, files):
+    """Store the code of test files as pytest does; a pytest without these functions does it."""
+    with contextlib.suppress(ImportError, AttributeError, OSError):
+        from _pytest.assertion import rewrite
+
+        state = config.stash[rewrite.assertstate_key]
+        for file in files:
+            stored = rewrite.get_cache_dir(file) / (file.stem + rewrite.PYC_TAIL)
+            stored.parent.mkdir(exist_ok=True)
+            if rewrite._read_pyc(file, stored) is None:
+                source, code = rewrite._rewrite_test(file, config)
+                rewrite._write_pyc(state, code, source, stored)
+
+
 def pytest_collection_modifyitems(items):
     """Begin with the tests in real time: one worker runs them all while the others compute."""
     items.sort(key=computes)
