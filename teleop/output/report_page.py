@@ -94,7 +94,7 @@ def report_page(
             fault = recording.fault
             rendering = felt.result(str(fault["fault"]) if fault else "")
             values["feedback"] = svg(feedback_figure(felt))
-            values["feedback_lines"] = felt_lines(rendering._asdict())
+            values["feedback_lines"] = [*felt_lines(rendering._asdict()), *rendering.remarks]
         if recording and tracking:
             values["tracking"] = svg(tracking_figure("", recording, tracking))
             values["tracking_lines"] = tracking_lines(tracking)

@@ -33,6 +33,9 @@ from teleop.output.figure_files import plain
 from teleop.output.trial_tables import tracking_lines
 from teleop.recording.recording import Recording
 
+FREQUENCIES = (0.3, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 30.0)
+"""Marked frequencies in the figure of the impedance [Hz]."""
+
 
 def fault_figure(recording: Recording, fault: Mapping[str, Any]) -> Figure:
     """Return the signals and commands shortly before and after a fault."""
@@ -183,9 +186,10 @@ def feedback_figure(rendering: RunningRendering) -> Figure:
     """Return force against position at the hand and at the tip, and the error of the impedance."""
     blocks = rendering.blocks()
     found = rendering.comparison(blocks)
-    figure = new_figure(0.5)
-    panels = figure.subplots(1, 3 if found else 2)
-    left, middle = panels[0], panels[1]
+    figure = new_figure(0.9 if found else 0.5, rows=2 if found else 1)
+    rows = [["hand", "tip"], ["error", "error"]]
+    panels = figure.subplot_mosaic(rows if found else rows[:1])
+    left, middle = panels["hand"], panels["tip"]
     middle.sharey(left)
     if found:
         draw(left, found.position * POSITION.factor, found.correct, color="#000000", linewidth=1.6)
@@ -194,15 +198,21 @@ def feedback_figure(rendering: RunningRendering) -> Figure:
     left.set_title("the hand feels", loc="left")
     middle.set_title("the tip touches", loc="left")
     left.set_ylabel(FORCE.heading)
-    left.set_xlabel(f"position of the handle [{POSITION.unit}]")
+    left.set_xlabel(f"position of the hand [{POSITION.unit}]")
     middle.set_xlabel(f"position of the tip [{POSITION.unit}]")
     if found:
         frequency, error = found.impedance_error()
-        right = panels[2]
-        right.semilogx(frequency, 100.0 * error, color=ORANGE, linewidth=1.2)
+        right = panels["error"]
+        shown = frequency <= FREQUENCIES[-1]
+        right.semilogx(frequency[shown], 100.0 * error[shown], color=ORANGE, linewidth=1.2)
         right.axhline(100.0 * NOTICEABLE, color="#000000", linewidth=0.8, linestyle=(0, (4, 2)))
-        right.set_ylim(0.0, 100.0 * max(2.0 * NOTICEABLE, min(float(error.max(initial=0.0)), 2.0)))
-        right.set_title("error of the impedance", loc="left")
+        right.set_ylim(
+            0.0, 100.0 * max(2.0 * NOTICEABLE, min(float(error[shown].max(initial=0.0)), 1.2))
+        )
+        right.set_xlim(FREQUENCIES[0], FREQUENCIES[-1])
+        right.set_xticks(FREQUENCIES, [f"{f:g}" for f in FREQUENCIES])
+        right.minorticks_off()
+        right.set_title("error of the impedance that the hand feels", loc="left")
         right.set_ylabel("error [%]")
         right.set_xlabel("frequency [Hz]")
         tidy(right)
