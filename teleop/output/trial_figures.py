@@ -187,9 +187,8 @@ def feedback_figure(rendering: RunningRendering) -> Figure:
     blocks = rendering.blocks()
     found = rendering.comparison(blocks)
     figure = new_figure(0.9 if found else 0.5, rows=2 if found else 1)
-    rows = [["hand", "tip"], ["error", "error"]]
-    panels = figure.subplot_mosaic(rows if found else rows[:1])
-    left, middle = panels["hand"], panels["tip"]
+    panels = figure.subplot_mosaic("HT;EE" if found else "HT")
+    left, middle = panels["H"], panels["T"]
     middle.sharey(left)
     if found:
         draw(left, found.position * POSITION.factor, found.correct, color="#000000", linewidth=1.6)
@@ -202,7 +201,7 @@ def feedback_figure(rendering: RunningRendering) -> Figure:
     middle.set_xlabel(f"position of the tip [{POSITION.unit}]")
     if found:
         frequency, error = found.impedance_error()
-        right = panels["error"]
+        right = panels["E"]
         shown = frequency <= FREQUENCIES[-1]
         right.semilogx(frequency[shown], 100.0 * error[shown], color=ORANGE, linewidth=1.2)
         right.axhline(100.0 * NOTICEABLE, color="#000000", linewidth=0.8, linestyle=(0, (4, 2)))
