@@ -28,9 +28,8 @@ from feedback_case import (
     HARD,
     JITTER,
     LOSS,
-    largest_round_trip,
+    is_permitted,
     run_one,
-    safe_round_trip,
     settings_of,
 )
 
@@ -41,10 +40,6 @@ CUBES = ("soft", "medium", "hard")
 ROUND_TRIPS = (0.0, 0.1, 0.2, 0.5, 1.0)
 MAP_TICKS = (0, 1, 2, 3, 4, 5, 7, 10, 15, 20, 30, 40, 50, 60, 70, 77, 80, 100, 150, 250)
 """Delays of one direction of the channel in the map, in ticks."""
-RATES = (1000.0, 4000.0)
-"""Rates of the loop in the map [Hz]. The second one is for cases in which the predicted boundary at
-the first one is at most `SHORT` ticks in each direction."""
-SHORT = 2
 ARMS = (250.0, 400.0, 1500.0)
 DAMPINGS = (15.0, 50.0, 200.0)
 TREMORS = (0.0, TREMOR_AMPLITUDE)
@@ -94,33 +89,31 @@ def stiffening(seeds: range, rigid: bool) -> Iterator[Row]:
         yield channelled("model-mediated", before, trip, body=body, seed=seed, rigid=rigid)
 
 
-def map_round_trips(rate: float) -> list[float]:
-    """Return the round trips of the map at a rate [Hz], in increasing order [s]."""
-    return [2.0 * ticks / rate for ticks in MAP_TICKS]
+MAP_ROUND_TRIPS = [2e-3 * ticks for ticks in MAP_TICKS]
+"""Round trips of the map, in increasing order [s]."""
 
 
 def stability_map(seeds: range, rigid: bool) -> Iterator[Row]:
     """Yield the cases of the map of position-force, with the first round trip of each case.
 
-    The first round trip is the longest of the map for which condition (2) of
-    `teleop.control.feedback.stability` holds.
+    The first round trip is the longest of the map that the check before a trial permits; 0 if it
+    permits none.
     """
-    grid = itertools.product(RATES, TREMORS, CUBES, DAMPINGS, ARMS, seeds)
-    for rate, tremor, cube, damping, arm, seed in grid:
+    grid = itertools.product(TREMORS, CUBES, DAMPINGS, ARMS, seeds)
+    for tremor, cube, damping, arm, seed in grid:
         case = {"law": "position-force", "cube": cube, "damping": damping, "arm": arm}
-        case |= {"rigid": rigid, "round_trip": 0.0}
-        short = 0.0 < largest_round_trip(settings_of(**case)) <= 2e-3 * SHORT
-        if rate != RATES[0] and not short:
-            continue
-        case |= {"rate": rate}
-        safe = safe_round_trip(settings_of(**case))
-        first = max(trip for trip in map_round_trips(rate) if trip <= max(safe, 0.0))
-        yield case | {"round_trip": first, "tremor": tremor, "seed": seed}
+        case |= {"rigid": rigid}
+        permitted = [
+            trip for trip in MAP_ROUND_TRIPS if is_permitted(settings_of(**case, round_trip=trip))
+        ]
+        first = max(permitted, default=0.0)
+        row = {"permitted": first if permitted else -1.0, "tremor": tremor, "seed": seed}
+        yield case | {"round_trip": first} | row
 
 
 def run_to_boundary(case: Row) -> list[Row]:
     """Run trials with other round trips until one is stable and the next longer one is not."""
-    trips = map_round_trips(case["rate"])
+    trips = MAP_ROUND_TRIPS
     first = trips.index(case["round_trip"])
     row = run_one(case)
     rows = [row]
@@ -146,7 +139,7 @@ KEYS = {
     "acceptance": ("cube", "round_trip"),
     "bodies": ("body", "cube", "round_trip"),
     "stiffening": ("body", "round_trip"),
-    "map": ("rate", "tremor", "cube", "damping", "arm", "round_trip"),
+    "map": ("tremor", "cube", "damping", "arm", "round_trip"),
 }
 """Arguments by which the summary groups the trials of a part."""
 
@@ -167,7 +160,7 @@ def summarise(rows: list[Row], keys: Iterable[str]) -> None:
         if not np.isfinite(k).any():
             k, force = column(found, "rendered_k_error"), column(found, "felt_force_error")
         within = np.mean((k < MOST_K) & (force < MOST_FORCE))
-        ratio = np.nanmedian(column(found, "rendered_b") / column(found, "tissue_b"))
+        ratio = felt_damping(found)
         print(
             f"{case:<38}{sum(row['stable'] for row in found):>4}/{len(found):<3}"
             f"{np.nanmedian(k):>14.1%},{np.nanmax(k):>7.1%}"
@@ -182,6 +175,13 @@ def summarise(rows: list[Row], keys: Iterable[str]) -> None:
         f"felt k within {MOST_K:.0%} and felt force within {MOST_FORCE:.0%} of the tissue: "
         f"{np.mean((k < MOST_K) & (force < MOST_FORCE)):.1%} of all trials"
     )
+
+
+def felt_damping(rows: list[Row]) -> float:
+    """Return the median ratio of felt damping and that of the tissue; NaN if the body changes."""
+    if " to " in rows[0].get("body", ""):
+        return float("nan")
+    return float(np.nanmedian(column(rows, "rendered_b") / column(rows, "tissue_b")))
 
 
 def column(rows: list[Row], name: str) -> np.ndarray:
@@ -213,17 +213,17 @@ def unstable_text(rows: list[Row], noun: str) -> str:
     return f"{len(faults)}{noun} not stable, of which {faults.count('')} ended without a stop"
 
 
-def summarise_map(rows: list[Row], rate: float, tremor: float) -> None:
+def summarise_map(rows: list[Row], tremor: float) -> None:
     """Print the measured and the predicted largest round trip for each cube, damping and arm."""
     seeds = len({row["seed"] for row in rows})
     hand = f"tremor of {tremor * 1e3:g} mm" if tremor else "no tremor"
     print(
-        f"\nlargest stable round trip at {rate:g} Hz, {hand}: {len(rows)} trials, "
+        f"\nlargest stable round trip at 1000 Hz, {hand}: {len(rows)} trials, "
         f"number of seeds: {seeds}, {unstable_text(rows, '')}"
     )
     print(
         f"{'cube':<8}{'d [N s/m]':>10}{'arm [N/m]':>11}{'stable to [ms]':>16}{'unstable from':>15}"
-        f"{'condition (2)':>15}{'equation (1)':>14}{'factor':>8}"
+        f"{'permitted':>11}{'condition (2)':>15}{'equation (1)':>14}"
     )
     for case in dict.fromkeys((row["cube"], row["damping"], row["arm"]) for row in rows):
         found = [row for row in rows if (row["cube"], row["damping"], row["arm"]) == case]
@@ -234,16 +234,9 @@ def summarise_map(rows: list[Row], rate: float, tremor: float) -> None:
         cube, damping, arm = case
         print(
             f"{cube:<8}{damping:>10g}{arm:>11g}{f'{last * 1e3:g}' if last >= 0.0 else 'none':>16}"
-            f"{first * 1e3:>15g}{safe * 1e3:>15.1f}{largest * 1e3:>14.1f}"
-            f"{factor(largest, last, first):>8}"
+            f"{first * 1e3:>15g}{found[0]['permitted'] * 1e3:>11g}{safe * 1e3:>15.1f}"
+            f"{largest * 1e3:>14.1f}"
         )
-
-
-def factor(predicted: float, stable: float, unstable: float) -> str:
-    """Return the greatest factor between the prediction and a boundary in the measured range."""
-    if min(predicted, stable) <= 0.0:
-        return "-"
-    return f"{max(predicted / stable, unstable / predicted):.2f}"
 
 
 def write(rows: list[Row], file: TextIO, header: bool) -> None:
@@ -286,9 +279,8 @@ def main() -> None:
     summarise(rows, KEYS[options.part])
     print(unstable_text(rows, " trials"))
     if options.part == "map":
-        for rate, tremor in itertools.product(RATES, TREMORS):
-            part = [row for row in rows if row["rate"] == rate and row["tremor"] == tremor]
-            summarise_map(part, rate, tremor)
+        for tremor in TREMORS:
+            summarise_map([row for row in rows if row["tremor"] == tremor], tremor)
     if options.part == "stiffening":
         summarise_stops(rows)
 

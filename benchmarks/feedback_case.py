@@ -18,12 +18,13 @@ from sim_backend.bodies import LIFTED
 from teleop.control.admittance import AdmittanceParameters
 from teleop.control.channel import ChannelSettings
 from teleop.control.feedback.settings import FeedbackSettings
+from teleop.errors import InputError
 from teleop.evaluation.teleoperation.rendering import hand
 from teleop.evaluation.teleoperation.thresholds import FASTEST_HAND, LEAST_FORCE, SETTLING
 from teleop.recording.recording import Recording
 from teleop.safety.events import ACTIVE
 from teleop.safety.tightened_limits import TightenedLimits
-from teleop.settings.feedback_checks import delayed_loop, lag
+from teleop.settings.feedback_checks import check_feedback, delayed_loop, lag
 from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.run import run_trial
 
@@ -117,6 +118,15 @@ def run_one(arguments: dict[str, Any]) -> dict[str, Any]:
     row["force_of_hard_limit"] = force / limits.hard_force
     row["converged_s"] = converged(recording)
     return row
+
+
+def is_permitted(settings: TrialSettings) -> bool:
+    """Return whether the check before a trial permits its force feedback."""
+    try:
+        check_feedback(settings)
+    except InputError:
+        return False
+    return True
 
 
 def safe_round_trip(settings: TrialSettings) -> float:
