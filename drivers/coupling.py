@@ -24,6 +24,8 @@ NOTICEABLE = 1e-4
 """Generated energy that is not reported, because it can be caused by sensor noise [J]."""
 GENERATED = 0.03
 """Largest ratio of the generated energy to the energy that passes through the coupling."""
+LATE = 1.5
+"""Time between two measurements, in multiples of the usual time, that counts as an interruption."""
 MOST_STRETCH = 2.0
 """Largest stretch of a coupling, in multiples of that at the greatest force of the drive."""
 FREQUENCIES = 2000
@@ -155,6 +157,10 @@ class VirtualCoupling:
         self._longest_step = longest_step
         self._rate = 2.0 * math.pi * parameters.bandwidth
         self._forces: deque[float] = deque(maxlen=parameters.latency + 1)
+        self._usual = math.nan
+        """Usual time between two measurements [s]."""
+        self._unsure = 0
+        """Number of intervals for which the energy is not known, after an interruption."""
         self._time = math.nan
         self.proxy = self.position = math.nan
         self.force = self.speed = self.velocity = 0.0
@@ -196,7 +202,8 @@ class VirtualCoupling:
         stretch = last - self.proxy
         self.proxy += step
         new = position - self.proxy
-        self._balance(moved, step, p.energy(new) - p.energy(stretch), dt)
+        if self._is_regular(dt):
+            self._balance(moved, step, p.energy(new) - p.energy(stretch), dt)
         force = p.stiffness * new + p.damping * (self.speed - self.velocity)
         self.force = min(max(force, -p.max_force), p.max_force)
         self._forces.append(self.force)
@@ -207,6 +214,18 @@ class VirtualCoupling:
                 "than the motor can, or the handle is released or blocked"
             )
         return self.force
+
+    def _is_regular(self, dt: float) -> bool:
+        """Return whether the force of the motor in this interval is known.
+
+        During an interruption of the loop, the motor holds its last force. The next samples may
+        also have inaccurate times, so that the intervals until the latency is over do not count.
+        """
+        usual = self._usual if self._usual == self._usual else dt
+        late = dt > LATE * usual
+        self._usual = usual + 0.02 * (dt - usual)
+        self._unsure = self.parameters.latency + 2 if late else max(self._unsure - 1, 0)
+        return not self._unsure
 
     def _balance(self, moved: float, step: float, stored: float, dt: float) -> None:
         """Update the energy that the coupling generates beyond what the moving part dissipates.
