@@ -20,8 +20,10 @@ import json
 import os
 import subprocess
 import sys
+import tempfile
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -153,7 +155,7 @@ def difference(found: dict[str, Any] | None, plain: dict[str, Any]) -> str:
 
 def checks(name: str, path: Path, times: int) -> Iterator[str]:
     """Yield a line for each `teleop rig check --move`."""
-    with emulated(path, "free") as run_file:
+    with emulated(path, "autonomous") as run_file:  # nobody holds the handle
         for attempt in range(times):
             time.sleep(1.5 if attempt else 0.0)  # until the plant is in its initial state
             found, code, problem = teleop("rig", "check", run_file, "--move", "--yes")
@@ -180,8 +182,6 @@ def faults(name: str, path: Path) -> Iterator[str]:
 
 
 def main() -> None:
-    import tempfile
-
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--rigs", nargs="*", default=NEWER, choices=NEWER)
     parser.add_argument("--parts", nargs="*", default=PARTS, choices=PARTS)
@@ -200,12 +200,12 @@ def main() -> None:
             print(f"{heads[part]}; load average {os.getloadavg()[0]:.1f}", flush=True)
             for name in given.rigs:
                 path = rig_file(name, Path(folder))
-                lines: Iterator[str] | Sequence[str]
-                if part == "trials":
-                    lines = trials(name, path, given.times, given.seconds)
-                else:
-                    lines = checks(name, path, given.times) if part == "checks" else faults(name, path)
-                for line in lines:
+                lines = {
+                    "trials": partial(trials, name, path, given.times, given.seconds),
+                    "checks": partial(checks, name, path, given.times),
+                    "faults": partial(faults, name, path),
+                }[part]
+                for line in lines():
                     print(line, flush=True)
             print()
 

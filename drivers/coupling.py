@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
@@ -28,6 +28,9 @@ LATE = 1.5
 """Time between two measurements, in multiples of the usual time, that counts as an interruption."""
 MOST_STRETCH = 2.0
 """Largest stretch of a coupling, in multiples of that at the greatest force of the drive."""
+DRIVE_LATENCY = 1
+"""Latency of a drive that closes the coupling itself, in periods of the drive. A force acts in the
+period after the measurement."""
 FREQUENCIES = 2000
 """Number of frequencies at which the condition of passivity is evaluated."""
 
@@ -54,6 +57,8 @@ class CouplingParameters:
     """Number n of whole periods from a measurement to the force that is computed from it."""
     friction: float = 0.0
     """Viscous damping b of the moving part itself [N s/m]."""
+    drive_period: float | None = None
+    """Period of a drive that closes the coupling itself [s]; None if the host closes it."""
 
     def __post_init__(self) -> None:
         for name in ("stiffness", "bandwidth", "max_force"):
@@ -73,14 +78,16 @@ class CouplingParameters:
         Parameters
         ----------
         period
-            Period T of the control loop [s].
+            Period of the control loop [s]. It is T if the host closes the coupling. Otherwise, T is
+            the period of the drive, and n is `DRIVE_LATENCY`.
         """
+        period, latency = self._closed_with(period)
         # The supremum at zero frequency is a limit. The first frequency approaches it to 1e-6.
         angle = np.linspace(1e-3, math.pi, FREQUENCIES)
         delayed = np.exp(-1j * angle)
         decay = math.exp(-2.0 * math.pi * self.bandwidth * period)
         velocity = (1.0 - delayed) / period * (1.0 - decay) / (1.0 - decay * delayed)
-        impedance = (self.stiffness + self.damping * velocity) * delayed**self.latency
+        impedance = (self.stiffness + self.damping * velocity) * delayed**latency
         real = ((1.0 - delayed) * impedance).real
         return float(np.max(0.5 * period * real / (1.0 - np.cos(angle))))
 
@@ -90,17 +97,22 @@ class CouplingParameters:
         The needed damping of the moving part is linear in the gains, but its maximum over the
         frequency is not. The limit is therefore found by bisection.
         """
-        low, high = 0.0, 2.0 * self.friction / (period * (self.latency + 0.5))
+        own, latency = self._closed_with(period)
+        low, high = 0.0, 2.0 * self.friction / (own * (latency + 0.5))
         for _ in range(50):
             middle = 0.5 * (low + high)
-            trial = CouplingParameters(
-                max(middle, 1e-9), self.damping, self.bandwidth, math.inf, self.latency
-            )
+            trial = replace(self, stiffness=max(middle, 1e-9))
             if trial.needed_friction(period) <= self.friction:
                 low = middle
             else:
                 high = middle
         return low
+
+    def _closed_with(self, period: float) -> tuple[float, int]:
+        """Return the period [s] with which the coupling is closed, and its latency in periods."""
+        if self.drive_period is None:
+            return period, self.latency
+        return self.drive_period, DRIVE_LATENCY
 
     def energy(self, stretch: float) -> float:
         """Return the energy that the spring stores at a stretch [m], with its limited force [J]."""
@@ -117,11 +129,14 @@ class CouplingParameters:
         needed = self.needed_friction(period)
         if needed <= self.friction:
             return ""
+        own, latency = self._closed_with(period)
+        closed = f"{latency} periods of latency at {1.0 / own:g} Hz"
+        if self.drive_period is not None:
+            closed += " in the drive, which closes the coupling (drive_rate_hz),"
         return (
             f"{self.stiffness:g} N/m: expected at most {math.floor(self.largest_stiffness(period))}"
-            f" N/m with a coupling damping of {self.damping:g} N s/m, {self.latency} periods of "
-            f"latency at {1.0 / period:g} Hz and a friction of the handle of {self.friction:g} "
-            f"N s/m, or a friction of at least {needed:.3g} N s/m"
+            f" N/m with a coupling damping of {self.damping:g} N s/m, {closed} and a friction of "
+            f"the handle of {self.friction:g} N s/m, or a friction of at least {needed:.3g} N s/m"
         )
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from drivers.rig_file import RigFile
-from drivers.rig_sections import AnyBusSettings, CanSettings, UdpSettings, coupling_of
+from drivers.rig_sections import AnyBusSettings, CanSettings, UdpSettings
 from sim_backend import CUBES, AttentiveOperator, ForceMaster, MimickedSine
 from sim_backend.wire.emulator import ACTIONS, Emulator, PlannedFault
 from sim_backend.wire.mechanism import NEVER
@@ -214,7 +214,7 @@ def emulated_master(rig: RigFile) -> ForceMaster | None:
     Its coupling is closed by the host and not by the emulator.
     """
     master = rig.sections.drives.master
-    if not master or not coupling_of(master, 1.0 / rig.sections.rate_hz):
+    if not master or not rig.coupling("master", 1.0 / rig.sections.rate_hz):
         return None
     return ForceMaster(
         stiffness=1.0,

@@ -24,7 +24,6 @@ from pydantic.fields import FieldInfo
 
 from drivers.coupling import CouplingParameters
 from drivers.rig_file import RigFile
-from drivers.rig_sections import coupling_of
 from estimation import Preset, paper_preset
 from estimation.conditioning import BANDWIDTH, Conditioner, make_conditioner
 from estimation.method_settings import OwnSettings
@@ -283,8 +282,7 @@ class TrialSettings:
     def master_coupling(self) -> CouplingParameters | None:
         """Virtual coupling of a force-commanded master; None for a velocity-commanded one."""
         if self.rig:
-            master = self.rig.sections.drives.master
-            return coupling_of(master, 1.0 / self.loop_rate) if master else None
+            return self.rig.coupling("master", 1.0 / self.loop_rate)
         return self.force_master.coupling if self.force_master else None
 
     @property

@@ -64,7 +64,7 @@ def make_rig(
         return make_simulated_rig(settings, now, pointer=pointer)
     from drivers.wired_rig import WiredRig  # imports python-can
 
-    return WiredRig(settings.rig, now)
+    return WiredRig(settings.rig, now, settings.loop_rate)
 
 
 def make_simulated_rig(

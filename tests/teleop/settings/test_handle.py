@@ -5,11 +5,12 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from drivers.rig_file import RigFileError, parse_rig_file
+from drivers.rig_file import RigFileError, parse_rig_file, read_rig_file
 from sim_backend import ForceMaster
 from teleop.cli import main
 from teleop.control.channel import ChannelSettings
@@ -20,6 +21,7 @@ from teleop.recording.recording import load
 from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.run import run_trial
 
+RIGS = Path(__file__).parents[3] / "rigs"
 INDENTER = """
 name = "indenter"
 buses.usb = { kind = "serial", port = "/dev/ttyACM0", baud_bps = 921600 }
@@ -70,6 +72,15 @@ def test_a_coupling_that_is_not_passive_is_refused_with_the_largest_stiffness():
         replace(TRIAL, force_master=ForceMaster(6000.0))
     with pytest.raises(InputError, match="expected at most 266 N/m"):
         replace(TRIAL, force_master=ForceMaster(), rate=200.0)
+
+
+def test_a_coupling_that_the_drive_closes_is_checked_with_the_rate_of_the_drive():
+    rig = read_rig_file(RIGS / "mit-motor.toml")
+    # With the period of this loop, at most 333 N/m would be passive.
+    slow = TrialSettings(rig=rig, rate=250.0, depth=5e-3, specimen="gel")
+    assert slow.master_coupling.stiffness == 977.0
+    with pytest.raises(InputError, match="700 N/m: expected at most 200 N/m"):
+        replace(slow, rig=read_rig_file(RIGS / "odrive-torque.toml"))
 
 
 def test_a_motor_that_is_too_weak_for_the_feedback_is_refused_with_the_largest_gain():
