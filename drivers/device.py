@@ -160,7 +160,7 @@ class ImpedanceDrive(Drive):
     signal = "position"
     rate = 1000.0
     """Rate with which the drive computes the force [Hz], if the rig file does not state it. The
-    makers of such motors do not state their rate: this one is lower than that of known firmware."""
+    manuals of such motors do not state it, so that this rate is an assumption."""
 
     def rounded(self, stiffness: float, damping: float) -> tuple[float, float]:
         """Return the gains that the drive applies in place of the wanted ones.

@@ -166,7 +166,7 @@ def test_on_a_rig_a_lag_that_is_not_stated_is_a_warning():
 
 
 def test_on_a_rig_the_arm_is_not_assumed_to_damp():
-    rig = load_rig_file(ROOT / "rigs" / "serial-board.toml")
+    rig = with_slave(load_rig_file(ROOT / "rigs" / "serial-board.toml"), lag_ms=0.0)
     for stiffness, refused in ((1e3, False), (1.5e3, True)):  # d / (1 kN/m) = 15 ms
         known = FeedbackSettings("position-force", stiffness=stiffness)
         trial = settings("position-force", rig=rig, depth=2e-3, force_lag=10e-3)
@@ -194,7 +194,7 @@ def test_a_law_without_a_model_approaches_by_the_expected_stiffness_of_the_speci
 
 
 def test_the_rehearsal_does_not_refuse_a_delay_that_is_stable_on_the_specimen():
-    rig = load_rig_file(ROOT / "rigs" / "serial-board.toml")
+    rig = with_slave(load_rig_file(ROOT / "rigs" / "serial-board.toml"), lag_ms=0.0)
     soft = FeedbackSettings("position-force", stiffness=100.0)
     delayed = TrialSettings(
         rig=rig, depth=2e-3, feedback=soft, channel=ChannelSettings(0.05), force_lag=1e-3
