@@ -5,7 +5,7 @@
 
 The devices of each rig are emulated in another process. Part `trials`: palpation by the simulated
 operator. The estimates stand beside those of the simulated rig, which runs within one process with
-the same operator, cube, seed and coupling of the master. Part `checks`: `teleop rig check --move`.
+the same operator, cube and seed, and the same coupling of the drives. Part `checks`: `teleop rig check --move`.
 Part `faults`: short trials with a fault of each bus.
 
 On a busy machine, the loop or the emulator is sometimes late. `skipped` is the number of periods
@@ -92,6 +92,14 @@ def reference(rig: RigFile, seconds: float, seed: int) -> dict[str, Any]:
             "max_force": master.max_force_n,
         }
         more = ["--force-master", ",".join(f"{key}={value}" for key, value in values.items())]
+    slave = rig.sections.drives.slave
+    if slave.moving_mass_kg:
+        values = {
+            "mass": slave.moving_mass_kg,
+            "latency": slave.latency_ticks,
+            "max_force": slave.max_force_n,
+        }
+        more += ["--force-slave", ",".join(f"{key}={value}" for key, value in values.items())]
     found, _, problem = teleop(
         "run", "--condition", "free", "--clock", "virtual", "--duration", seconds, "--seed", seed,
         "--rate", rig.sections.rate_hz, "--no-record", *more,

@@ -36,6 +36,7 @@ from sim_backend import (
     FORCE_LAG,
     TRANSMISSION,
     ForceMaster,
+    ForceSlave,
     OperatorModel,
     PlantParameters,
     Sensors,
@@ -168,6 +169,9 @@ class TrialSettings:
     force_master: ForceMaster | None = None
     """Force-commanded master of the simulated rig, with its virtual coupling. Default: a
     velocity-commanded master with a force sensor in the handle."""
+    force_slave: ForceSlave | None = None
+    """Force-commanded slave of the simulated rig, whose velocity loop the host closes. Default: a
+    velocity-commanded slave."""
     tare: Annotated[Tare, BeforeValidator(tare_of, str | Tare)] = NO_TARE
     """Zero offsets of force and position, which are subtracted from the measurements."""
     rig: Annotated[RigFile | None, BeforeValidator(rig_of, str | dict[str, str])] = None
@@ -286,6 +290,14 @@ class TrialSettings:
         return self.force_master.coupling if self.force_master else None
 
     @property
+    def slave_coupling(self) -> CouplingParameters | None:
+        """Velocity loop of a force-commanded slave; None for another slave."""
+        period = 1.0 / self.loop_rate
+        if self.rig:
+            return self.rig.coupling("slave", period)
+        return self.force_slave.loop(period) if self.force_slave else None
+
+    @property
     def hand_force_source(self) -> str:
         """How the force of the hand is found: one of the sources in `teleop.names`."""
         measured = not self.rig or self.rig.sections.channels.master_force is not None
@@ -331,13 +343,13 @@ class TrialSettings:
             return self.custom_limits
         if self.rig:
             return rig_limits(self.rig.sections)
-        setup = self.setup
+        setup, loop = self.setup, self.slave_coupling
         return simulated_rig_limits(
             setup.cube.fast,
             setup.depth,
             self.coupling.scale,
             self.excitation.highest,
-            self.plant_parameters.slave_compliance,
+            1.0 / loop.stiffness if loop else self.plant_parameters.slave_compliance,
             setup.transmission,
             self.force_master,
         )

@@ -91,6 +91,8 @@ def make_simulated_rig(
         arm=settings.operator_model.arm,
         master=settings.force_master,
         coupled=coupled,
+        slave_drive=settings.force_slave or "velocity",
+        period=1.0 / settings.loop_rate,
     )
 
 
