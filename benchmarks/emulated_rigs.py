@@ -5,8 +5,8 @@
 
 The devices of each rig are emulated in another process. Part `trials`: palpation by the simulated
 operator. The estimates stand beside those of the simulated rig, which runs within one process with
-the same operator, cube and seed, and the same coupling of the drives. Part `checks`: `teleop rig check --move`.
-Part `faults`: short trials with a fault of each bus.
+the same operator, cube and seed, and the same coupling of the drives. Part `checks`: `teleop rig
+check --move`. Part `faults`: short trials with a fault of each bus.
 
 On a busy machine, the loop or the emulator is sometimes late. `skipped` is the number of periods
 that the loop skipped, and `gap` the longest time between two ticks. A trial that was stopped by

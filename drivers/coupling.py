@@ -25,8 +25,8 @@ NOTICEABLE = 1e-4
 GENERATED = 0.03
 """Largest ratio of the generated energy to the energy that passes through the coupling."""
 GENERATED_BY_LOOP = 0.4
-"""The same for a velocity loop, which must be stable, but not passive. Loops that are tuned for three
-times the true mass exceed it. Loops for the true mass do not, in contact with a soft body."""
+"""The same for a velocity loop, which must be stable, but not passive. Loops that are tuned for
+three times the true mass exceed it. Loops for the true mass do not, in contact with a soft body."""
 LATE = 1.5
 """Time between two measurements, in multiples of the usual time, that counts as an interruption."""
 MOST_STRETCH = 2.0
