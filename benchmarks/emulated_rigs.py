@@ -51,7 +51,7 @@ FAULT_AT = 1.0
 """Time of a fault after the drives were enabled [s]."""
 ATTEMPTS = 3
 TRANSMISSION = "\n[transmission]\nlag_ms = {lag}\nlost_motion_um = {lost}\n"
-LATE = ("overran", "other programs delayed", "skipped")
+LATE = ("overran", "other programs", "fewer programs")
 """Words in the texts of faults that a busy machine can cause."""
 
 

@@ -326,6 +326,7 @@ FOR_FORCES = (
     "moving_mass_kg",
     "latency_ticks",
     "drive_rate_hz",
+    "handle_mass_kg",
 )
 """Keys of a drive that accepts forces or closes a coupling itself."""
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
@@ -16,11 +17,9 @@ from drivers.coupling import CouplingParameters, VirtualCoupling
 from drivers.device import ForceDrive
 
 if TYPE_CHECKING:
-    from _typeshed import DataclassInstance
-
     from sim_backend.plant import Arm, Intention
 
-    Parsed = TypeVar("Parsed", bound=DataclassInstance)
+Parsed = TypeVar("Parsed")
 
 STEPS = 4
 """Integration steps per millisecond. The fastest pole is that of a light handle in a stiff hand."""
@@ -72,7 +71,7 @@ class ForceMaster:
         )
 
 
-def parse_values(what: str, kind: type[Parsed], text: str) -> Parsed:
+def parse_values(what: str, kind: Callable[..., Parsed], text: str) -> Parsed:
     """Return a master or slave from a text such as `max_force=9,latency=2`, or `default`.
 
     Parameters
@@ -91,7 +90,7 @@ def parse_values(what: str, kind: type[Parsed], text: str) -> Parsed:
     """
     if text.strip() == "default":
         return kind()
-    types = {field.name: int if field.name == "latency" else float for field in fields(kind)}
+    types = {field.name: int if field.name == "latency" else float for field in fields(kind)}  # type: ignore[arg-type]
     values: dict[str, Any] = {}
     for part in text.split(","):
         name, equals, given = (piece.strip() for piece in part.partition("="))

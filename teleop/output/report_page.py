@@ -46,6 +46,7 @@ from teleop.output.trial_figures import (
 )
 from teleop.output.trial_tables import tracking_lines
 from teleop.output.web_page import svg, web_page
+from teleop.recording.columns import OBSERVED
 from teleop.recording.gaps import missing_text
 from teleop.recording.message import BEGIN
 from teleop.recording.recording import Recording, stated_settings
@@ -156,6 +157,8 @@ def facts(recording: Recording, motion: Mapping[str, str]) -> Iterator[tuple[str
     yield "rig", session.get("rig", "not known")
     if source := session.get("hand_force"):
         yield "force of the hand", source
+    if observer := session.get("hand_observer"):
+        yield f"observer of the hand ({OBSERVED})", observer
     for name in STATED:
         value = settings.get(name)
         if name.endswith("_s") and value is not None:

@@ -218,7 +218,7 @@ def emulated_master(rig: RigFile) -> ForceMaster | None:
         return None
     return ForceMaster(
         stiffness=1.0,
-        mass=master.moving_mass_kg or ForceMaster.mass,
+        mass=master.handle_mass_kg or ForceMaster.mass,
         friction=max(master.friction_ns_per_m, LEAST_FRICTION),
         latency=0,
         max_force=master.max_force_n or ForceMaster.max_force,

@@ -49,6 +49,7 @@ from teleop.control.conditions import CONDITIONS, Condition, IntendedMotion
 from teleop.control.coupling import Coupling
 from teleop.control.excitation_signals import AnySignal, Sine
 from teleop.control.feedback.settings import FeedbackSettings
+from teleop.control.hand_observer import HandObserver
 from teleop.control.tare import NO_TARE, Tare
 from teleop.control.target import Target
 from teleop.names import (
@@ -306,6 +307,25 @@ class TrialSettings:
         if not measured:
             return NO_HANDLE
         return ISOMETRIC if self.is_isometric else FORCE_SENSOR
+
+    @property
+    def hand_observer(self) -> HandObserver | None:
+        """New observer of the force of the hand; None if the force is measured.
+
+        It is also None if the rig file does not state the mass of the handle.
+        """
+        coupling = self.master_coupling
+        if not coupling or self.hand_force_source != COUPLED:
+            return None
+        master = self.rig and self.rig.sections.drives.master
+        if master and master.handle_mass_kg:
+            return HandObserver(master.handle_mass_kg, coupling.friction, coupling.latency)
+        simulated = self.force_master
+        return (
+            HandObserver(simulated.mass, simulated.friction, simulated.latency)
+            if simulated
+            else None
+        )
 
     @property
     def is_isometric(self) -> bool:

@@ -165,7 +165,8 @@ def make_layout(
 
     A message contains the recorded values of one tick.
     """
-    return Layout(bank, FEEDBACK_COLUMNS if settings.has_link else (), pointer)
+    link = FEEDBACK_COLUMNS if settings.has_link else ()
+    return Layout(bank, link, pointer, settings.hand_observer is not None)
 
 
 def make_controller(
@@ -190,4 +191,5 @@ def make_controller(
         settings.limits,
         settings.tare,
         clock.stopwatch,
+        settings.hand_observer,
     )

@@ -62,7 +62,7 @@ VARIED = {
     "force_master": st.none()
     | st.builds(ForceMaster, st.floats(200.0, 1200.0), max_force=st.floats(130.0, 300.0)),
     "force_slave": st.none()
-    | st.builds(ForceSlave, st.floats(2.5, 3.5), st.integers(0, 2), st.floats(400.0, 800.0)),
+    | st.builds(ForceSlave, st.floats(2.5, 3.5), st.integers(0, 2), st.floats(2e3, 3e3)),
     "channel": st.none() | st.builds(ChannelSettings, st.floats(0.0, 0.1), st.floats(0.0, 0.01)),
 }
 """Values of the settings; `condition` besides, whose values depend on the signal."""
