@@ -12,6 +12,7 @@ from drivers.device import (
     DerivedDevice,
     Device,
     Drive,
+    LibraryDevice,
     Sample,
     SharedSerialDevice,
     sole_drive,
@@ -181,6 +182,8 @@ class WiredRig(Rig):
                 own.start(device)
             elif isinstance(device, DerivedDevice):
                 device.start(self.devices)
+            elif isinstance(device, LibraryDevice):
+                device.start(self._now)
         end = self._now() + FIRST_SAMPLES
         while silent := [name for name, value in self._values().items() if math.isnan(value)]:
             if self._now() > end:
