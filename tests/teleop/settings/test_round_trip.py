@@ -60,7 +60,7 @@ VARIED = {
     ),
     "live": st.booleans(),
     "force_master": st.none()
-    | st.builds(ForceMaster, st.floats(200.0, 1200.0), max_force=st.floats(130.0, 300.0)),
+    | st.builds(ForceMaster, st.floats(200.0, 600.0), max_force=st.floats(130.0, 300.0)),
     "force_slave": st.none()
     | st.builds(ForceSlave, st.floats(2.5, 3.5), st.integers(0, 2), st.floats(2e3, 3e3)),
     "channel": st.none() | st.builds(ChannelSettings, st.floats(0.0, 0.1), st.floats(0.0, 0.01)),
