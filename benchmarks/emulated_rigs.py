@@ -33,8 +33,17 @@ from drivers.rig_file import RigFile, read_rig_file
 from sim_backend import DEPTH
 from sim_backend.force_master import ForceMaster
 
-NEWER = ("ati-netft", "moteus", "mit-motor", "dynamixel", "haply", "hapkit", "odrive-torque",
-         "epos4-master")  # fmt: skip
+BUSES = {
+    "ati-netft": ("contact", "handle"),
+    "moteus": ("can",),
+    "mit-motor": ("can",),
+    "dynamixel": ("servos",),
+    "haply": ("handle",),
+    "hapkit": ("handle",),
+    "odrive-torque": ("can",),
+    "epos4-master": ("drives",),
+}
+"""Rigs with the newer devices, and the buses of these devices."""
 CHANGES = {
     "moteus": (
         ('interface = "socketcan"', 'interface = "udp_multicast"'),
@@ -126,7 +135,17 @@ def fault_text(found: dict[str, Any]) -> str:
     if "refused" in found:
         return str(found["refused"])
     fault = found["safety"]["fault"]
-    return f"{found['safety']['fault_s']:.2f} s: {fault['text']}" if fault else ""
+    if not fault:
+        return ""
+    at = found["safety"]["fault_s"]
+    return f"{'before arming' if at is None else f'{at:.2f} s'}: {fault['text']}"
+
+
+def is_early(found: dict[str, Any]) -> bool:
+    """Return whether a trial was refused, or stopped before the planned fault."""
+    return "refused" in found or bool(
+        found["safety"]["fault"] and not (found["safety"]["fault_s"] or 0.0) >= FAULT_AT
+    )
 
 
 def trials(name: str, path: Path, seeds: Sequence[int], seconds: float) -> Iterator[str]:
@@ -179,10 +198,13 @@ def checks(name: str, path: Path, seeds: Sequence[int]) -> Iterator[str]:
 
 
 def faults(name: str, path: Path) -> Iterator[str]:
-    """Yield a line for each fault of each bus: how the trial ended."""
-    for bus in read_rig_file(path).sections.buses:
+    """Yield a line for each fault of each bus with a newer device: how the trial ended."""
+    for bus in BUSES[name]:
         for kind in FAULTS:
             found = trial(path, 3.0, 0, f"{kind}:{bus}@{FAULT_AT:g}")
+            repeated = 0
+            while repeated < ATTEMPTS - 1 and is_early(found):
+                repeated, found = repeated + 1, trial(path, 3.0, 0, f"{kind}:{bus}@{FAULT_AT:g}")
             text = fault_text(found) or (
                 f"no fault, k {found['estimates']['rls']['k']:.0f} N/m, {found['rejected'] or ''}"
             )
@@ -191,7 +213,7 @@ def faults(name: str, path: Path) -> Iterator[str]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--rigs", nargs="*", default=NEWER, choices=NEWER)
+    parser.add_argument("--rigs", nargs="*", default=[*BUSES], choices=[*BUSES])
     parser.add_argument("--parts", nargs="*", default=PARTS, choices=PARTS)
     parser.add_argument("--seeds", nargs="*", type=int, default=(0, 1, 2))
     parser.add_argument("--seconds", type=float, default=60.0)
