@@ -364,6 +364,8 @@ def axis_problems(name: str, rig: RigFile, devices: Mapping[str, Device]) -> Ite
             yield from rounding_problems(drive, coupling)
         if settings.stiffness_n_per_m is not None and (bad := coupling.problem(period)):
             yield f".stiffness_n_per_m: {bad}"
+    if name == "slave" and settings.handle_mass_kg and isinstance(drive, ForceDrive):
+        yield ".handle_mass_kg: the slave has no handle: expected it in drives.master"
     if drive.signal and drive.signal not in device.signals():
         yield f".device: expected a signal {drive.signal} of the device {device.name}"
 

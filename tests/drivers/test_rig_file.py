@@ -342,3 +342,11 @@ def test_the_velocity_loop_of_a_slave_has_the_gains_for_the_rate_of_the_trial():
     ]
     assert gains[0] == gains[1]
     assert gains[2] == pytest.approx(gains[0] / 4.0, rel=1e-4)
+
+
+def test_the_mass_of_a_handle_belongs_to_the_master(tmp_path):
+    text = (RIGS / "odrive-torque.toml").read_text()
+    text = text.replace("moving_mass_kg = 3.0 ", "handle_mass_kg = 0.3\nmoving_mass_kg = 3.0 ")
+    assert problems(tmp_path, text) == [
+        "drives.slave.handle_mass_kg: the slave has no handle: expected it in drives.master"
+    ]
