@@ -265,7 +265,7 @@ SETTING_UNITS = {
     "m/s": ("max_velocity", "max_master_velocity", "rest_velocity"),
     "m/s^2": ("max_acceleration", "max_master_acceleration"),
     "m/N": ("drive_compliance", "compliance"),
-    "N": ("soft_force", "hard_force", "rest_master_force", "force_noise"),
+    "N": ("soft_force", "hard_force", "rest_master_force", "force_noise", "max_force"),
     "s": ("preflight", "start_ramp", "max_gap", "max_age", "frozen_time", "force_lag"),
     "kg": ("mass",),
     "N s/m": ("damping",),
