@@ -6,24 +6,24 @@ import contextlib
 import math
 from collections.abc import Iterator
 from dataclasses import replace
-from functools import partial
 from typing import Any
 
 import numpy as np
-from feedback_bodies import BODIES
-from scipy.optimize import nnls
+from feedback_bodies import body as named_body
+from feedback_bodies import is_left
 
-from sim_backend import OperatorModel, Setup, Transmission, operators
+from estimation.arrays import Floats
+from sim_backend import Changing, OperatorModel, Setup, Transmission, operators
+from sim_backend.bodies import LIFTED
 from teleop.control.admittance import AdmittanceParameters
 from teleop.control.channel import ChannelSettings
 from teleop.control.feedback.settings import FeedbackSettings
-from teleop.evaluation.teleoperation.loop_oscillation import sustained_share
 from teleop.evaluation.teleoperation.rendering import hand
-from teleop.evaluation.teleoperation.thresholds import LEAST_FORCE, SETTLING
+from teleop.evaluation.teleoperation.thresholds import FASTEST_HAND, LEAST_FORCE, SETTLING
 from teleop.recording.recording import Recording
 from teleop.safety.events import ACTIVE
 from teleop.safety.tightened_limits import TightenedLimits
-from teleop.settings.feedback_checks import arm_damping, delayed_loop, lag
+from teleop.settings.feedback_checks import delayed_loop, lag
 from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.run import run_trial
 
@@ -34,6 +34,8 @@ SOFT, HARD = 20.0, 40.0
 DURATION = 10.0
 """Duration of a trial [s]."""
 JITTER, LOSS = 20e-3, 0.05
+ADAPTED = 2.0
+"""Time after a change of the body from which the felt stiffness is compared [s]."""
 
 
 def settings_of(
@@ -53,16 +55,19 @@ def settings_of(
 ) -> TrialSettings:
     """Return the settings of a trial.
 
-    `rigid` selects a transmission without lost motion. The operator `force` reverses the motion at
-    the contact force `AIM`, and the operator `depth`, the default of a trial, at a depth.
+    `rigid` selects a transmission without lost motion, with the lag of the force stated. The
+    operator `force` reverses the motion at the contact force `AIM`, and the operator `depth`, the
+    default of a trial, at a depth.
     """
     settings = TrialSettings(cube=cube, clock="virtual", duration=duration, seed=seed, rate=rate)
     setup = settings.setup
-    withdrawal = -0.2 if body in ("loose", "stiffer at the next contact") else 0.5
+    withdrawal = -0.2 if is_left(body) else 0.5
+    stated = {"force_lag": setup.force_lag, "lost_motion": 0.0} if rigid else {}
     return replace(
         settings,
+        **stated,
         custom_setup=Setup(
-            BODIES[body](setup.cube, seed),
+            named_body(body, setup.cube, seed),
             setup.force_lag,
             setup.depth,
             Transmission() if rigid else setup.transmission,
@@ -104,8 +109,7 @@ def run_one(arguments: dict[str, Any]) -> dict[str, Any]:
     row["safe_round_trip"] = safe_round_trip(settings)
     row["largest_round_trip"] = largest_round_trip(settings)
     row["stable"] = bool(row["stable"])
-    row["oscillation"] = oscillation(recording, settings)
-    row["least_force_error"] = least_force_error(recording)
+    row |= against_the_law(recording, settings)
     row["fault"] = trial.fault["fault"] if trial.fault else ""
     row["stopped_s"] = trial.fault["time"] if trial.fault else math.nan
     row |= stopping(recording, settings, row["stopped_s"])
@@ -129,31 +133,69 @@ def largest_round_trip(settings: TrialSettings) -> float:
     return loop.largest_delay - lag(settings)
 
 
-def oscillation(recording: Recording, settings: TrialSettings) -> float:
-    """Return the share of the power of the velocity by which `stable` is decided."""
-    admittance = settings.admittance
-    active = recording.where(recording["mode"] == ACTIVE)
-    velocity = hand(active, admittance.mass, admittance.damping, admittance.stiffness).velocity
-    part = active["time"] > min(SETTLING, 0.5 * active["time"][-1])
-    force, dt = active["drive_force"][part], active["dt"][part]
-    return sustained_share(velocity[part], force, dt, partial(arm_damping, settings))
+def against_the_law(recording: Recording, settings: TrialSettings) -> dict[str, float]:
+    """Return the errors of what the hand felt against the law of the simulated body.
 
-
-def least_force_error(recording: Recording) -> float:
-    """Return the relative rms error of the best model, fitted to the whole trial afterwards.
-
-    The model is f = k x + k3 x^3 + b v with k, k3, b >= 0, the model that the hand feels. No
-    estimate of such a model has a smaller error of the force.
+    The simulated body is moved like the hand, without any fit. For a body that changes, the values
+    are those from `ADAPTED` s after the change.
     """
-    x, v = recording["slave_position"], recording["slave_velocity"]
-    f = recording["contact_force"]
-    part = (recording["mode"] == ACTIVE) & (recording["time"] > SETTLING)
-    part &= np.abs(f) > LEAST_FORCE
-    if part.sum() < 100:
-        return math.nan
-    columns = np.column_stack((x, x**3, v))[part]
-    _, residual = nnls(columns / np.linalg.norm(columns, axis=0), f[part])
-    return float(residual / np.linalg.norm(f[part]))
+    names = ("true_k_error", "true_force_error", "shaking_um")
+    active = recording.where(recording["mode"] == ACTIVE)
+    part, body = active["time"] > SETTLING, settings.setup.cube
+    if isinstance(settings.setup.cube, Changing):
+        changed = change_time(recording, settings)
+        part = active["time"] > changed + ADAPTED
+        body = settings.setup.cube.after
+    if part.sum() < 1000:
+        return dict.fromkeys(names, math.nan)
+    admittance, scale = settings.admittance, settings.coupling.scale
+    felt = hand(active, admittance.mass, admittance.damping, admittance.stiffness, scale)
+    x = scale * felt.position
+    v = np.gradient(x) / active["dt"]
+    correct, state = np.empty(len(x)), body.initial
+    for i, (depth, speed, dt) in enumerate(
+        zip(x.tolist(), v.tolist(), active["dt"].tolist(), strict=True)
+    ):
+        law = body.law(state)
+        correct[i] = law.force(depth, speed)
+        state = body.advanced(state, law.surface(depth), dt)
+    shown = active["displayed_force"]
+    used = part & (np.abs(correct) > LEAST_FORCE)
+    correct, shown, at_hand = correct[used], shown[used], felt.position[used]
+    return {
+        "true_k_error": float(shown @ at_hand / (correct @ at_hand) - 1.0),
+        "true_force_error": float(np.linalg.norm(shown - correct) / np.linalg.norm(correct)),
+        "shaking_um": shaking(felt.position[part], float(np.mean(active["dt"]))) * 1e6,
+    }
+
+
+def change_time(recording: Recording, settings: TrialSettings) -> float:
+    """Return the time at which the simulated body changed [s]; infinite if it did not.
+
+    The contacts are counted as by `sim_backend.Changing`, at the true position of the tip.
+    """
+    body = settings.setup.cube
+    contacts, outside = 0, math.inf
+    tips = settings.setup.tip(recording["slave_position"].tolist())
+    for time, tip, dt in zip(
+        recording["time"].tolist(), tips, recording["dt"].tolist(), strict=True
+    ):
+        if tip > 0.0:
+            contacts += outside >= LIFTED
+            outside = 0.0
+        else:
+            outside += dt
+        if contacts >= body.contact:
+            return float(time) + body.delay
+    return math.inf
+
+
+def shaking(position: Floats, dt: float) -> float:
+    """Return the amplitude of the sine with the power of the motion above 4 Hz [m]."""
+    spectrum = np.fft.rfft((position - position.mean()) * np.hanning(len(position)))
+    spectrum[np.fft.rfftfreq(len(position), dt) <= FASTEST_HAND] = 0.0
+    power = np.mean(np.fft.irfft(spectrum, len(position)) ** 2)
+    return float(np.sqrt(2.0 * power / np.mean(np.hanning(len(position)) ** 2)))
 
 
 def stopping(recording: Recording, settings: TrialSettings, time: float) -> dict[str, float]:

@@ -10,6 +10,7 @@ quotient of the position.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 
 import numpy as np
 
@@ -59,13 +60,20 @@ def slope(values: Floats, width: float, period: float) -> Floats:
     return _convolve(values, slope_kernel(width, period))
 
 
+@lru_cache(maxsize=8)
 def smoothing_kernel(width: float) -> Floats:
     """Return the Gaussian kernel with a standard deviation of `width` samples, of odd length."""
     half = int(np.ceil(REACH * width))
     if width <= 0.1:
-        return np.ones(1)
+        return read_only(np.ones(1))
     kernel = np.exp(-0.5 * (np.arange(-half, half + 1) / width) ** 2)
-    return np.asarray(kernel / kernel.sum())
+    return read_only(kernel / kernel.sum())
+
+
+def read_only(kernel: Floats) -> Floats:
+    """Return a kernel that nobody can change, since all callers share it."""
+    kernel.setflags(write=False)
+    return kernel
 
 
 def slope_kernel(width: float, period: float) -> Floats:
@@ -85,9 +93,22 @@ def _convolve(values: Floats, kernel: Floats) -> Floats:
     half = len(kernel) // 2
     if half == 0:
         return values.copy()
-    padded = np.pad(values, half, mode="reflect", reflect_type="odd")
+    padded = extended(values, half)
     if len(kernel) < 200:
         return np.asarray(np.convolve(padded, kernel, mode="valid"))
     from scipy.signal import oaconvolve
 
     return np.asarray(oaconvolve(padded, kernel, mode="valid"))
+
+
+def extended(values: Floats, count: int) -> Floats:
+    """Extend signals (..., n) at both ends by `count` samples, by point reflection at the end.
+
+    `numpy.pad` gives the same numbers, but takes longer than the smoothing of a short signal.
+    """
+    if count >= values.shape[-1]:
+        widths = [(0, 0)] * (values.ndim - 1) + [(count, count)]
+        return np.pad(values, widths, mode="reflect", reflect_type="odd")
+    before = 2.0 * values[..., :1] - values[..., count:0:-1]
+    after = 2.0 * values[..., -1:] - values[..., -2 : -count - 2 : -1]
+    return np.concatenate([before, values, after], axis=-1)

@@ -46,13 +46,25 @@ def relaxing_part(pieces: Iterable[Floats], period: float, tau: float) -> Floats
         changes = np.zeros((*piece.shape[:-1], -(-n // BLOCK) * BLOCK))
         changes[..., :n] = np.diff(gain * piece, prepend=0.0)
         blocks = changes.reshape(*piece.shape[:-1], -1, BLOCK) @ response.T
-        starts = np.zeros(blocks.shape[:-1])
-        last = np.zeros(piece.shape[:-1])
-        for i, own in enumerate(np.moveaxis(blocks[..., -1], -1, 0)):
-            last = starts[..., i] = own + powers[-1] * last
-        blocks[..., 1:, :] += starts[..., :-1, None] * powers[1:]
+        blocks[..., 1:, :] += (
+            values_at_ends(blocks[..., -1], float(powers[-1]))[..., :-1, None] * powers[1:]
+        )
         parts.append(blocks.reshape(changes.shape)[..., :n])
     return np.concatenate(parts, axis=-1)
+
+
+def values_at_ends(own: Floats, decay: float) -> Floats:
+    """Return z at the end of each block, shape (..., m), from its own part of z and those before.
+
+    `decay` is the decay of z in a block.
+    """
+    if own.ndim > 1:
+        return np.array([values_at_ends(row, decay) for row in own])
+    last, ends = 0.0, []
+    for value in own.tolist():
+        last = value + decay * last
+        ends.append(last)
+    return np.array(ends)
 
 
 def value_at_start(y: Floats) -> float:

@@ -53,6 +53,7 @@ def report(
     from teleop.output import console
     from teleop.output.report_page import report_page
     from teleop.trial.recorded_trial import recorded_motion, recorded_tracking, true_result
+    from teleop.trial.trial_statistics import recorded_rendering
 
     page = out or file.with_suffix(".html")
     check_ending(page, ".html")
@@ -72,8 +73,9 @@ def report(
     true = None
     if recording and evaluation:
         true = true_result(recording, evaluation.analysis.result.position)
+    felt = recorded_rendering(recording) if recording else None
     text = report_page(
-        file.name, evaluation, summary, recording, truth, link, tracking, motion, true
+        file.name, evaluation, summary, recording, truth, link, tracking, motion, true, felt
     )
     write_text(page, text, overwrite)
     if json:

@@ -18,6 +18,7 @@ from teleop.control.feedback.law import MasterHalf, MasterMotion, Report, SlaveH
 from teleop.control.feedback.oscillation import MOST_SHARE, SLOWEST, Oscillation
 from teleop.control.feedback.port_energy import PortEnergy
 from teleop.control.link import Link
+from teleop.control.playout import Playout
 from teleop.safety import Fault, Verdict
 from teleop.safety.channels import DetectedFault
 
@@ -67,6 +68,7 @@ class BilateralLink(Link):
         self._max_silence = channel.max_silence
         self.reports = Direction(channel, f"reports {seed}", Report())
         self.motions = Direction(channel, f"motions {seed}", MasterMotion(0.0))
+        self._playout = Playout()
         self._energy = PortEnergy(admittance)
         self._oscillation = Oscillation() if closed else None
         self.values = NO_VALUES
@@ -89,7 +91,9 @@ class BilateralLink(Link):
             self._oscillation.reset(self._admittance.position)
         now = measurement.time
         self.reports.reset(now, Report())
-        self.motions.reset(now, MasterMotion(self._admittance.position))
+        still = MasterMotion(self._admittance.position)
+        self.motions.reset(now, still)
+        self._playout.reset(now, still)
         self._start = self._admittance.position
         self._started = self._force = self._dt = 0.0
         self.faults, self.values = (), NO_VALUES
@@ -107,7 +111,8 @@ class BilateralLink(Link):
         if oscillation := self._oscillation:
             share = oscillation.update(self._force, start, self._dt)
         self._start = start
-        motion = motions.exchange(now, master.step(force, report, dt))
+        newest = motions.exchange(now, master.step(force, report, dt))
+        motion = self._playout.update(now, motions.sent, newest)
         slave = self._slave.velocity(motion, measurement, dt)
         displayed, model, tank = master.state
         self._started, self._force, self._dt = master.started, force, dt
@@ -126,7 +131,7 @@ class BilateralLink(Link):
             motion.energy,
             report.energy,
             now - reports.sent,
-            now - motions.sent,
+            now - self._playout.time,
         )
         self.values = new_tuple(LinkValues, values)
         return new_tuple(Command, (admittance.velocity, slave))

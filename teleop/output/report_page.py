@@ -16,6 +16,7 @@ from estimation.figures import Truth
 from estimation.model import KELVIN_VOIGT
 from estimation.redundancy import ambiguity
 from teleop.evaluation.evaluation import Evaluation
+from teleop.evaluation.teleoperation.rendering import RunningRendering
 from teleop.output.console import number
 from teleop.output.estimate_tables import (
     AT_END,
@@ -44,7 +45,7 @@ from teleop.output.trial_figures import (
     timing_figure,
     tracking_figure,
 )
-from teleop.output.trial_tables import tracking_lines
+from teleop.output.trial_tables import felt_lines, tracking_lines
 from teleop.output.web_page import svg, web_page
 from teleop.recording.columns import OBSERVED
 from teleop.recording.gaps import missing_text
@@ -74,6 +75,7 @@ def report_page(
     tracking: Mapping[str, Any] | None = None,
     motion: Mapping[str, str] | None = None,
     true: Mapping[str, float] | None = None,
+    felt: RunningRendering | None = None,
 ) -> str:
     """Return a page with the results of a file.
 
@@ -81,13 +83,19 @@ def report_page(
     samples, `recording` if another program wrote the file. `link` is the path of the recording,
     relative to the folder of the page. `motion` has texts that describe the motion, by name. On the
     simulated rig, `truth` has the true values for the estimates, and `true` those of the result.
+    `felt` has what the hand felt with force feedback.
     """
     with figure_style("page"):
         values = of_recording(recording, motion or {})
         values |= of_evaluation(evaluation, summary, truth, true)
         if summary and not recording:
             values["about"] = [motion_line(summary)]
-        values["tracking"] = ""
+        values["tracking"] = values["feedback"] = ""
+        if felt and recording:
+            fault = recording.fault
+            rendering = felt.result(str(fault["fault"]) if fault else "")
+            values["feedback"] = svg(feedback_figure(felt))
+            values["feedback_lines"] = [*felt_lines(rendering._asdict()), *rendering.remarks]
         if recording and tracking:
             values["tracking"] = svg(tracking_figure("", recording, tracking))
             values["tracking_lines"] = tracking_lines(tracking)
@@ -104,7 +112,6 @@ def of_recording(recording: Recording | None, motion: Mapping[str, str]) -> dict
         "missing": "",
         "fault": "",
         "timing": "",
-        "feedback": "",
         "events": [],
         "settings": [],
     }
@@ -120,8 +127,6 @@ def of_recording(recording: Recording | None, motion: Mapping[str, str]) -> dict
         values["fault"] = f"{fault['text']} (at {fault['time']:.3f} s)"
         values["fault_report"] = fault_text(recording, fault)
         values["fault_drawing"] = svg(fault_figure(recording, fault))
-    if "displayed_force" in recording.columns and recording.settings:
-        values["feedback"] = svg(feedback_figure(recording))
     if recording["lateness"].any():
         skipped = int(recording["skipped"].sum())
         values["timing"] = svg(timing_figure(recording))

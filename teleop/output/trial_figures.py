@@ -27,11 +27,14 @@ from estimation.figure_style import (
 from estimation.figures import START, drawn
 from estimation.quantities import DAMPING, FORCE, LATENESS, POSITION, STIFFNESS, VELOCITY
 from estimation.redundancy import Ambiguity
-from teleop.evaluation.teleoperation.rendering import hand
+from teleop.evaluation.teleoperation.rendering import RunningRendering
+from teleop.evaluation.teleoperation.thresholds import NOTICEABLE
 from teleop.output.figure_files import plain
 from teleop.output.trial_tables import tracking_lines
 from teleop.recording.recording import Recording
-from teleop.safety.events import ACTIVE
+
+FREQUENCIES = (0.3, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 30.0)
+"""Marked frequencies in the figure of the impedance [Hz]."""
 
 
 def fault_figure(recording: Recording, fault: Mapping[str, Any]) -> Figure:
@@ -179,28 +182,40 @@ def tracking_figure(title: str, recording: Recording, tracking: Mapping[str, Any
     return figure
 
 
-def feedback_figure(recording: Recording) -> Figure:
-    """Return force against position, as the hand felt it and at the slave."""
-    settings = recording.settings
-    admittance = settings["admittance"]
-    virtual = (admittance["mass"], admittance["damping"], admittance["stiffness"])
-    active = recording.where(recording["mode"] == ACTIVE)
-    felt = hand(active, *virtual, settings["coupling"]["scale"])
-    figure = new_figure(0.5)
-    left, right = figure.subplots(1, 2, sharey=True)
-    draw(left, felt.position * POSITION.factor, felt.force, color=ORANGE, linewidth=0.7)
-    draw(
-        right,
-        active["slave_position"] * POSITION.factor,
-        active["contact_force"],
-        color=BLUE,
-        linewidth=0.7,
-    )
+def feedback_figure(rendering: RunningRendering) -> Figure:
+    """Return force against position at the hand and at the tip, and the error of the impedance."""
+    blocks = rendering.blocks()
+    found = rendering.comparison(blocks)
+    figure = new_figure(0.9 if found else 0.5, rows=2 if found else 1)
+    rows = [["hand", "tip"], ["error", "error"]]
+    panels = figure.subplot_mosaic(rows if found else rows[:1])
+    left, middle = panels["hand"], panels["tip"]
+    middle.sharey(left)
+    if found:
+        draw(left, found.position * POSITION.factor, found.correct, color="#000000", linewidth=1.6)
+    draw(left, blocks.handle * POSITION.factor, blocks.felt, color=ORANGE, linewidth=0.8)
+    draw(middle, blocks.tip * POSITION.factor, blocks.force, color=BLUE, linewidth=0.8)
     left.set_title("the hand feels", loc="left")
-    right.set_title("the slave touches", loc="left")
+    middle.set_title("the tip touches", loc="left")
     left.set_ylabel(FORCE.heading)
-    left.set_xlabel(f"position of the master [{POSITION.unit}]")
-    right.set_xlabel(f"position of the slave [{POSITION.unit}]")
-    for axes in (left, right):
+    left.set_xlabel(f"position of the hand [{POSITION.unit}]")
+    middle.set_xlabel(f"position of the tip [{POSITION.unit}]")
+    if found:
+        frequency, error = found.impedance_error()
+        right = panels["error"]
+        shown = frequency <= FREQUENCIES[-1]
+        right.semilogx(frequency[shown], 100.0 * error[shown], color=ORANGE, linewidth=1.2)
+        right.axhline(100.0 * NOTICEABLE, color="#000000", linewidth=0.8, linestyle=(0, (4, 2)))
+        right.set_ylim(
+            0.0, 100.0 * max(2.0 * NOTICEABLE, min(float(error[shown].max(initial=0.0)), 1.2))
+        )
+        right.set_xlim(FREQUENCIES[0], FREQUENCIES[-1])
+        right.set_xticks(FREQUENCIES, [f"{f:g}" for f in FREQUENCIES])
+        right.minorticks_off()
+        right.set_title("error of the impedance that the hand feels", loc="left")
+        right.set_ylabel("error [%]")
+        right.set_xlabel("frequency [Hz]")
+        tidy(right)
+    for axes in (left, middle):
         tidy(axes)
     return figure

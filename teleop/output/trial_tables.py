@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from rich.console import Console
 
 from estimation.quantities import DAMPING, STIFFNESS
+from teleop.evaluation.teleoperation.thresholds import NOTICEABLE
 from teleop.names import ISOMETRIC
 from teleop.output.console import plain_console
 from teleop.output.estimate_tables import left_out_lines, print_estimated, print_online
@@ -183,21 +184,44 @@ def print_feedback(console: Console, feedback: Mapping[str, Any] | None) -> None
         return
     channel = f", channel {feedback['channel']}" if feedback["channel"] else ""
     console.print(f"  feedback: {feedback['law']}{channel}")
-    if feedback["law"] != "none" and feedback["rendered_k"] == feedback["rendered_k"]:
-        coupling = feedback["coupling_k"]
-        series = f" in series with the coupling of {STIFFNESS.text(coupling)}"
-        console.print(
-            f"  the hand felt k = {STIFFNESS.text(feedback['rendered_k'])} "
-            f"({feedback['rendered_k_error']:+.1%} of that at the slave"
-            f"{series if coupling == coupling else ''});\n"
-            f"  error of the felt force {feedback['felt_force_error']:.1%} rms, lowest energy at "
-            f"the hand {feedback['energy_min_j'] * 1e3 + 0.0:.1f} mJ"
+    if feedback["law"] == "none":
+        return
+    for text in felt_lines(feedback):
+        console.print(wrapped(f"  {text}", console.width))
+    for remark in feedback["remarks"]:
+        console.print(wrapped(f"  {remark}", console.width), style="yellow")
+
+
+def felt_lines(feedback: Mapping[str, Any]) -> Iterator[str]:
+    """Yield stiffness, damping and force that the hand felt, beside those of the tissue."""
+    coupling, bandwidth = feedback["coupling_k"], feedback["bandwidth_hz"]
+    if feedback["rendered_k"] == feedback["rendered_k"]:
+        tissue = "tissue" if coupling != coupling else "tissue and coupling in series"
+        width = f", up to {bandwidth:.2g} Hz" if bandwidth == bandwidth else ""
+        yield (
+            f"the hand felt k = {STIFFNESS.text(feedback['rendered_k'])} "
+            f"({feedback['rendered_k_error']:+.1%} of {tissue}),"
         )
-    if feedback["stable"] is False:
-        console.print("  not stable", style="yellow")
-    if feedback["law"] != "none":
-        for remark in feedback["remarks"]:
-            console.print(wrapped(f"  {remark}", console.width), style="yellow")
+        yield (
+            f"b = {DAMPING.text(feedback['rendered_b'])} (tissue "
+            f"{DAMPING.text(feedback['tissue_b'])}), force error "
+            f"{feedback['felt_force_error']:.1%} rms{width}"
+        )
+        if abs(feedback["rendered_k_error"]) > NOTICEABLE:
+            yield f"a person notices a difference of stiffness from {NOTICEABLE:.0%} on"
+    if feedback["outcome"] == "not known":
+        return
+    shakes = ""
+    if feedback["oscillation_m"] > 0.5 * feedback["detectable_m"]:
+        shakes = (
+            f", the loop moves the hand by {feedback['oscillation_m'] * 1e6:.0f} um at "
+            f"{feedback['oscillation_hz']:.0f} Hz (fingers detect about "
+            f"{feedback['detectable_m'] * 1e6:.0f} um; tremor: {feedback['tremor_m'] * 1e6:.0f} um)"
+        )
+    yield (
+        f"{feedback['outcome']}{shakes}; lowest energy at the hand "
+        f"{feedback['energy_min_j'] * 1e3 + 0.0:.1f} mJ"
+    )
 
 
 def print_loop(console: Console, summary: Mapping[str, Any], details: bool) -> None:

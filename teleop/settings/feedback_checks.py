@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -11,7 +12,13 @@ from estimation.quantities import STIFFNESS
 from sim_backend.plant import UNATTENDED
 from teleop.control.channel import ChannelSettings
 from teleop.control.feedback.law import STIFF_PRIOR
-from teleop.control.feedback.stability import DelayedLoop
+from teleop.control.feedback.stability import (
+    DelayedLoop,
+    Responses,
+    detectable,
+    response_of_compensated_play,
+    response_of_play,
+)
 from teleop.errors import InputError
 from teleop.settings.trial_settings import TrialSettings
 
@@ -19,6 +26,12 @@ LOOP_DELAY = 1.5
 """Delay of the control loop in periods. A sample is at most one period old. A command is held for
 one period, which is a mean delay of half a period."""
 
+ASSUMED_LOST_MOTION = 200e-6
+"""Half width of the lost motion that is assumed if it is not known [m]."""
+TREMOR = 50e-6
+"""Amplitude of an oscillation of the hand that is hidden by tremor [m]. At the tool of a surgeon,
+the amplitude of tremor is about 0.1 mm (S. P. N. Singh, C. N. Riviere, Proc. IEEE Northeast
+Bioeng. Conf., 2002)."""
 COUPLED_LOOP_DELAY = 3.5
 """Delay of the control loop with a force-commanded master in periods, without its latency."""
 
@@ -41,12 +54,61 @@ def check_feedback(settings: TrialSettings) -> str:
         return warning
     loop = delayed_loop(settings)
     delay = trip + lag(settings)
-    if delay < loop.safe_delay:
-        return warning
-    raise InputError(
-        f"feedback {law}: unstable with k = {STIFFNESS.text(loop.k)} and a delay of "
-        f"{delay * 1e3:.1f} ms, of which {trip * 1e3:.1f} ms are the round trip: expected a delay "
-        f"below {loop.safe_delay * 1e3:.1f} ms, or feedback model-mediated"
+    if delay >= loop.safe_delay:
+        raise InputError(
+            f"feedback {law}: unstable with k = {STIFFNESS.text(loop.k)} and a delay of "
+            f"{delay * 1e3:.1f} ms, of which {trip * 1e3:.1f} ms are the round trip: expected a "
+            f"delay below {loop.safe_delay * 1e3:.1f} ms, or feedback model-mediated"
+        )
+    if problem := oscillation(settings, loop, delay):
+        raise InputError(f"feedback {law}: {problem}")
+    return warning
+
+
+def oscillation(settings: TrialSettings, loop: DelayedLoop, delay: float) -> str:
+    """Return why the loop would oscillate because of lost motion; empty if it would not.
+
+    An oscillation is permitted if the fingers do not detect it, or if tremor is larger.
+    """
+    lost, played = lost_motion(settings)
+    cycle = loop.limit_cycle(delay, played)
+    if cycle is None:
+        return ""
+    amplitude = cycle.amplitude / settings.coupling.scale
+    if amplitude < max(detectable(cycle.frequency), TREMOR):
+        return ""
+    damping, step = loop.damping, 1.0
+    while step > 0.1:
+        trial = replace(loop, damping=damping + step)
+        cycle_at = trial.limit_cycle(delay, played)
+        if cycle_at is None or cycle_at.amplitude < TREMOR * settings.coupling.scale:
+            step *= 0.5
+        else:
+            damping += step
+            step *= 2.0
+    source, remedy = "which the command of the slave compensates, ", ""
+    if not settings.lost_motion_known:
+        source = "which is assumed because it is not calibrated, "
+        remedy = "a calibration (teleop lag), "
+    return (
+        f"with a delay of {delay * 1e3:.1f} ms and a lost motion of {lost * 1e6:.0f} um, {source}"
+        f"the hand would oscillate by {amplitude * 1e6:.0f} um at "
+        f"{cycle.frequency:.0f} Hz: expected {remedy}a virtual damping of at least "
+        f"{damping + 0.1:.0f} N s/m, or feedback model-mediated"
+    )
+
+
+def lost_motion(settings: TrialSettings) -> tuple[float, Responses]:
+    """Return the half width of the play of the slave [m], and the response of its tip.
+
+    If the lost motion is not known, it is assumed to be `ASSUMED_LOST_MOTION`, and is not
+    compensated.
+    """
+    if not settings.lost_motion_known:
+        return ASSUMED_LOST_MOTION, response_of_play(ASSUMED_LOST_MOTION)
+    known = settings.link_transmission
+    return known.lost_motion, response_of_compensated_play(
+        known.lost_motion, known.lost_motion_error
     )
 
 

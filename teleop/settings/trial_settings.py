@@ -413,6 +413,28 @@ class TrialSettings:
             lag, known.lost_motion if lost is None else lost, delay_share=share
         )
 
+    @property
+    def link_transmission(self) -> TransmissionCalibration:
+        """Lag, lost motion and compliance for which the link between the axes corrects."""
+        known, lost, lag = self.transmission, self.lost_motion, self.force_lag
+        return replace(
+            known,
+            force_lag=known.force_lag if lag is None else lag,
+            lost_motion=known.lost_motion if lost is None else lost,
+        )
+
+    @property
+    def lost_motion_known(self) -> bool:
+        """Whether the lost motion of the slave's transmission is calibrated or stated."""
+        return self.lost_motion is not None or self.transmission != UNKNOWN_TRANSMISSION
+
+    @property
+    def is_glued(self) -> bool:
+        """Whether the specimen is glued to the slave, so that it also pulls."""
+        if self.feedback.glued is not None:
+            return self.feedback.glued
+        return self.setup.cube.glued if self.rig is None else True
+
     def make_conditioner(self) -> Conditioner:
         """Return a new signal conditioner, which computes the input of the estimators."""
         correction = self.online_transmission

@@ -143,12 +143,16 @@ def make_link(settings: TrialSettings) -> Link:
         return DirectLink(admittance, coupling)
     if coupling.position_gain == 0.0:
         coupling = replace(coupling, position_gain=LINK_GAIN)
-    feedback, glued = settings.feedback, settings.feedback.glued
-    if glued is None:
-        glued = settings.setup.cube.glued if settings.rig is None else True
+    feedback = settings.feedback
     stiffness = expected_stiffness(settings)
     given = LawInputs(
-        admittance, coupling, feedback.gain, settings.force_lag or 0.0, glued, stiffness
+        admittance,
+        coupling,
+        feedback.gain,
+        settings.link_transmission,
+        settings.lost_motion_known,
+        settings.is_glued,
+        stiffness,
     )
     halves = feedback.law_type.halves(given)
     channel = settings.channel or ChannelSettings()

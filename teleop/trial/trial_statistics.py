@@ -21,7 +21,7 @@ from teleop.safety.events import ACTIVE, STOPPING
 from teleop.safety.soft_limits import FLAGS
 from teleop.settings.feedback_checks import arm_damping
 from teleop.settings.trial_settings import TrialSettings
-from teleop.trial.recorded_trial import averaged_part
+from teleop.trial.recorded_trial import averaged_part, trial_settings
 
 
 class TrialStatistics:
@@ -142,9 +142,25 @@ class TrialStatistics:
         if not self._rendering:
             return None
         settings = self._settings
-        found = self._rendering.result(fault=self._recording.fault is not None)
+        fault = self._recording.fault
+        found = self._rendering.result(str(fault["fault"]) if fault else "")
         channel = settings.channel and settings.channel.text
-        return {"law": settings.feedback.law, "channel": channel} | found._asdict()
+        return {
+            "law": settings.feedback.law,
+            "channel": channel,
+            **found._asdict(),
+            "stable": found.stable,
+        }
+
+
+def recorded_rendering(recording: Recording) -> RunningRendering | None:
+    """Return what the hand felt in a recorded trial; None without force feedback or settings."""
+    settings = trial_settings(recording)
+    if not settings or settings.feedback.law == "none":
+        return None
+    rendering = rendering_of(recording, settings)
+    rendering.add(recording.where(recording["mode"] == ACTIVE))
+    return rendering
 
 
 def rendering_of(ticks: Recording | RecordingFile, settings: TrialSettings) -> RunningRendering:
@@ -162,4 +178,6 @@ def rendering_of(ticks: Recording | RecordingFile, settings: TrialSettings) -> R
     gain = settings.feedback.gain
     law = LAWS.get(settings.feedback.law, MasterHalf)  # a recording can have a law of before
     prior = gain * scale * STIFF_PRIOR if law.displays_prior else None
-    return RunningRendering(hand, scale, gain, end, arm, prior, settings.coupling_stiffness)
+    known = settings.link_transmission if settings.lost_motion_known else None
+    coupling = settings.coupling_stiffness
+    return RunningRendering(hand, scale, gain, end, arm, prior, coupling, known, settings.is_glued)

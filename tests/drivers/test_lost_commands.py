@@ -246,7 +246,7 @@ losses = st.one_of(
 
 
 @pytest.mark.parametrize("kind", KINDS)
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=12, deadline=None)
 @given(lost=losses, ticks=st.integers(1, 80), deaf=st.booleans())
 @example(lost=[True] * 2, ticks=60, deaf=False)
 @example(lost=[True] * 4, ticks=60, deaf=False)

@@ -235,7 +235,7 @@ def test_a_device_of_an_invalid_kind_is_reported(tmp_path, value):
 VALUES = ["3", "-1", '"x"', "[]", "[1, 2, 3]", "{}", "true", "nan", "1e400", "2026-01-01"]
 
 
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=80)
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=30)
 @given(st.data())
 def test_any_value_anywhere_is_read_or_refused(tmp_path, data):
     lines = BOARD.splitlines()

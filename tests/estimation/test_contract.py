@@ -106,7 +106,7 @@ def test_an_estimator_that_breaks_the_contract_fails_it(step, expected):
         check_estimator(broken(NoParameters(), State([0.0, 0.0], [math.nan] * 2, False)))
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), size=st.integers(-6, 3), name=st.sampled_from([*ESTIMATORS]))
 def test_is_finite_for_all_signals(seed, size, name):
     rng = np.random.default_rng(seed)
@@ -119,7 +119,7 @@ def test_is_finite_for_all_signals(seed, size, name):
     assert not np.isinf(numbers(estimator.state)).any()
 
 
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=30, deadline=None)
 @given(
     seed=st.integers(0, 2**32 - 1),
     gap=st.floats(0.1, 1e5),

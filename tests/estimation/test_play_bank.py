@@ -111,7 +111,7 @@ SIZES = st.shared(st.integers(0, 1300), key="size")
 ANY = SIZES.flatmap(lambda n: arrays(np.float64, n, elements=st.floats(), fill=st.floats()))
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(t=ANY, x=ANY, f=ANY, data=st.data())
 def test_no_samples_raise_an_error(t, x, f, data):
     contact = data.draw(arrays(np.bool_, len(t)))

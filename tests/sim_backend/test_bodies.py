@@ -140,7 +140,7 @@ def test_in_slow_motion_a_branch_is_a_damping():
 
 
 @given(passive, strokes)
-@settings(deadline=None, max_examples=50)
+@settings(deadline=None, max_examples=20)
 def test_a_body_that_does_not_change_never_gives_energy(body, points):
     energy, peak = 0.0, 0.0
     for before, middle, after, step in moved(body, points):
@@ -150,7 +150,7 @@ def test_a_body_that_does_not_change_never_gives_energy(body, points):
 
 
 @given(st.one_of(relaxing, twice_relaxing, cubes), strokes)
-@settings(deadline=None, max_examples=50)
+@settings(deadline=None, max_examples=20)
 def test_a_body_that_is_not_glued_never_pulls(body, points):
     def loose(one):
         if isinstance(one, Relaxing):
@@ -220,7 +220,7 @@ def test_two_simulations_of_one_body_are_independent():
 
 
 @given(passive, st.floats(-3e-3, 10e-3), st.floats(0.0, 1e-4))
-@settings(deadline=None, max_examples=50)
+@settings(deadline=None, max_examples=20)
 def test_a_body_in_series_with_a_transmission_is_in_equilibrium(body, x, compliance):
     driven = Driven(body)
     for _ in range(50):

@@ -19,9 +19,11 @@ import math
 from typing import NamedTuple
 
 from drivers import Measurement, new_tuple
+from estimation.transmission import RIGID, TransmissionCalibration
 from teleop.control.admittance import Admittance, Environment
 from teleop.control.alignment import Pair
 from teleop.control.coupling import Coupling
+from teleop.control.tip_position import TipPosition
 
 STIFF_PRIOR = 20e3
 """Stiffness that is assumed for an unknown environment [N/m]. Soft tissue is less stiff."""
@@ -69,8 +71,11 @@ class LawInputs(NamedTuple):
     coupling: Coupling
     gain: float
     """Ratio of the displayed force to the contact force."""
-    force_lag: float
-    """Lag of the signal of the contact force sensor [s]."""
+    transmission: TransmissionCalibration
+    """Lag of the contact force, and lost motion and compliance between encoder and tip."""
+    lost_motion_known: bool
+    """Whether the lost motion is calibrated or stated. If not, a law with a local model identifies
+    it."""
     glued: bool
     """Whether the specimen is glued to the slave, so that it also pulls."""
     stiffness: float
@@ -108,7 +113,7 @@ class MasterHalf:
     def halves(cls, given: LawInputs) -> tuple[MasterHalf, SlaveHalf]:
         """Create the two halves of the law, for the master and for the slave."""
         master = cls(given.admittance, given.coupling.scale, given.gain)
-        return master, SlaveHalf(given.coupling, given.stiffness)
+        return master, SlaveHalf(given.coupling, given.stiffness, given.transmission)
 
     def __init__(self, admittance: Admittance, scale: float = 1.0, gain: float = 1.0) -> None:
         self.admittance = admittance
@@ -145,20 +150,26 @@ class MasterHalf:
 class SlaveHalf:
     """Base class of the part of a force-feedback law that runs at the slave.
 
-    It is also the slave half of the law `none`. `stiffness` is the expected slope of the contact
-    force over the position of the slave [N/m]. The supervisor uses it to limit the speed of the
-    slave.
+    It is also the slave half of the law `none`. Its tip follows the scaled position of the master:
+    lost motion and compliance of the transmission are compensated. `stiffness` is the expected
+    slope of the contact force over the position of the slave [N/m]. The supervisor uses it to limit
+    the speed of the slave.
     """
 
-    def __init__(self, coupling: Coupling, stiffness: float = STIFF_PRIOR) -> None:
-        self._coupling = coupling
+    def __init__(
+        self,
+        coupling: Coupling,
+        stiffness: float = STIFF_PRIOR,
+        transmission: TransmissionCalibration = RIGID,
+    ) -> None:
+        self._scale, self._position_gain = coupling.scale, coupling.position_gain
         self._stiffness = stiffness
+        self._compliance = transmission.compliance
+        self._tip = TipPosition(transmission.lost_motion)
 
     def align(self) -> None:
-        """Reset the law to its initial state. This is done each time the drives are armed.
-
-        In this class there is no state.
-        """
+        """Reset the law to its initial state. This is done each time the drives are armed."""
+        self._tip.reset()
 
     def observe(self, pair: Pair) -> None:
         """Process a slave position and a contact force that were measured at the same time.
@@ -172,8 +183,21 @@ class SlaveHalf:
         return new_tuple(Report, (measurement.contact_force, PRIOR, 0.0))
 
     def velocity(self, motion: MasterMotion, measurement: Measurement, dt: float) -> float:
-        """Return the desired velocity of the slave [m/s]."""
-        return self._coupling.slave_velocity(motion, measurement)
+        """Return the desired velocity of the slave [m/s], with which its tip follows the master."""
+        scale = self._scale
+        tip = scale * motion.position
+        force, slope = self.load(tip, measurement)
+        compliance = self._compliance
+        goal, factor = self._tip.goal(tip, compliance * force, compliance * slope)
+        error = goal - measurement.slave_position
+        return scale * motion.velocity * factor + self._position_gain * error
+
+    def load(self, tip: float, measurement: Measurement) -> tuple[float, float]:
+        """Return the contact force [N] with the tip at a position [m], and its slope [N/m].
+
+        In this class, it is the measured force, and its slope is not known.
+        """
+        return measurement.contact_force, 0.0
 
     def stiffness(self, position: float) -> float:
         """Return the expected slope of the contact force over the position of the slave [N/m].

@@ -58,7 +58,8 @@ class ModelMediatedMaster(MasterHalf):
     def halves(cls, given: LawInputs) -> tuple[MasterHalf, SlaveHalf]:
         """Create the two halves of the law. The slave half estimates the stiffness."""
         master = cls(given.admittance, given.coupling.scale, given.gain, given.glued)
-        return master, ModelMediatedSlave(given.coupling, LocalModel(given.force_lag, given.glued))
+        model = LocalModel(given.transmission, given.lost_motion_known, given.glued)
+        return master, ModelMediatedSlave(given.coupling, model, given.transmission)
 
     def __init__(
         self, admittance: Admittance, scale: float = 1.0, gain: float = 1.0, glued: bool = True

@@ -56,9 +56,7 @@ LEAST_SPEED = 1e-3
 """Root mean square velocity of an oscillation below which the result is 0 [m/s]. At 40 Hz, this is
 an amplitude of some micrometres."""
 MOST_SHARE = 0.75
-"""Largest share of the mean square velocity that the loop may sustain. After the trial, the share
-is computed again from spectra, with the limit `MOST_SUSTAINED` of
-`teleop.evaluation.teleoperation.loop_oscillation`."""
+"""Largest share of the mean square velocity that the loop may sustain."""
 PERIOD = 5e-3
 """Time over which force and velocity are averaged to one sample [s]."""
 ROUNDING = 1e-6

@@ -44,16 +44,71 @@ for which (1) has a solution s = j w. The magnitudes in (1) give the equation
 which is quadratic in w^2. For each solution w, the phase of (1) gives tau. If (3) has no solution,
 for example if k_a > alpha k and the damping is large, (1) is stable with any delay.
 
+Lost motion of the slave's transmission delays the force as well. For a sine with the amplitude A at
+the slave, a play of half width delta < A multiplies the force by its describing function N(A):
+
+    Re N = 1/2 + (asin u + u sqrt(1 - u^2)) / pi,    Im N = -4 delta / (pi A) (1 - delta / A),
+
+with u = 1 - 2 delta / A. Im N acts like a negative damping of about -4 k delta / (pi w A), without
+any delay. The loop keeps an oscillation of the amplitude A if (1), with k + b s multiplied by N(A),
+has a root without damping. The amplitude is proportional to delta, but whether there is such an
+amplitude does not depend on delta.
+
+The command of the slave compensates a known lost motion (`teleop.control.tip_position`). What is
+left are a short delay of the tip at each reversal, and the error of the calibration. The describing
+function of inverse and play together is computed from their response to a sine.
+
 Sources: W. S. Kim, B. Hannaford, A. K. Bejczy, "Force-reflection and shared compliant control in
 operating telemanipulators with time delay", IEEE Trans. Robotics and Automation 8(2), 1992;
 J. E. Marshall, H. Gorecki, A. Korytowski, K. Walton, "Time-Delay Systems: Stability and Performance
-Criteria with Applications", 1992, for the solutions on the imaginary axis.
+Criteria with Applications", 1992, for the solutions on the imaginary axis; A. Gelb, W. E. Vander
+Velde, "Multiple-Input Describing Functions and Nonlinear System Design", McGraw-Hill, 1968.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from estimation.filters import Play
+from teleop.control.tip_position import SMOOTHING, TipPosition
+
+RATIOS = np.geomspace(1.001, 300.0, 80)
+"""Amplitudes for which oscillations are looked for, divided by the half width of the play."""
+POINTS = 300
+"""Number of points of a period at which the response to a sine is computed."""
+FREQUENCIES = np.geomspace(2.0, 600.0, 1500)
+"""Angular frequencies for which oscillations are looked for [rad/s]."""
+
+
+class LimitCycle(NamedTuple):
+    """Oscillation of the loop whose amplitude stays constant."""
+
+    amplitude: float
+    """Amplitude at the slave [m]."""
+    frequency: float
+    """Frequency [Hz]."""
+
+
+Responses = tuple[tuple[float, complex], ...]
+"""Describing function: amplitudes of a sine [m], in increasing order, and the response to each."""
+
+
+def detectable(frequency: float) -> float:
+    """Return the smallest amplitude of a vibration that the fingers detect, about [m].
+
+    The threshold of the skin of the hand is about 25 um up to 3 Hz. From there it falls by 5 dB per
+    octave up to 35 Hz, and then by 12 dB per octave up to 250 Hz (S. J. Bolanowski, G. A.
+    Gescheider, R. T. Verrillo, C. M. Checkosky, J. Acoust. Soc. Am. 84(5), 1988, 1680-1694).
+    `frequency` is in Hz.
+    """
+    slow = math.log2(min(max(frequency, 3.0), 35.0) / 3.0)
+    fast = math.log2(min(max(frequency, 35.0), 250.0) / 35.0)
+    return 25e-6 * math.pow(10.0, -(5.0 * slow + 12.0 * fast) / 20.0)
 
 
 @dataclass(frozen=True)
@@ -129,3 +184,50 @@ class DelayedLoop:
                 phase = math.atan2(b * w, k) - free
                 delays.append(phase % (2.0 * math.pi) / w)
         return min(delays, default=math.inf)
+
+    def limit_cycle(self, delay: float, played: Responses) -> LimitCycle | None:
+        """Return the largest oscillation that the loop keeps with lost motion, or None.
+
+        `delay` is tau [s], and `played` the describing function of the play at the slave.
+        """
+        w = FREQUENCIES
+        linear = self.arm_stiffness + self.spring - self.mass * w * w + 1j * self.resistance * w
+        force = self.gain * (self.k + 1j * self.b * w) * np.exp(-1j * w * delay)
+        for amplitude, response in reversed(played):
+            total = linear + force * response
+            resonances = np.flatnonzero((total.real[:-1] > 0.0) & (total.real[1:] <= 0.0))
+            undamped = resonances[total.imag[resonances] < 0.0]
+            if len(undamped):
+                return LimitCycle(amplitude, float(w[undamped[0]]) / (2.0 * math.pi))
+        return None
+
+
+def response_of_play(half_width: float) -> Responses:
+    """Return the describing function of a play with this half width [m]."""
+    return tuple((ratio * half_width, of_play(ratio)) for ratio in RATIOS.tolist() if half_width)
+
+
+def of_play(ratio: float) -> complex:
+    """Return N(A) of a play with the amplitude A = `ratio` times its half width, `ratio` > 1."""
+    u = 1.0 - 2.0 / ratio
+    real = 0.5 + (math.asin(u) + u * math.sqrt(1.0 - u * u)) / math.pi
+    return complex(real, -4.0 / (math.pi * ratio) * (1.0 - 1.0 / ratio))
+
+
+@lru_cache(maxsize=16)
+def response_of_compensated_play(half_width: float, error: float = 0.0) -> Responses:
+    """Return the describing function of the tip whose command compensates the play.
+
+    `half_width` is the known half width of the play [m]. The true one is larger by `error` [m].
+    """
+    if half_width == 0.0:
+        return response_of_play(error)
+    angles = np.linspace(0.0, 4.0 * math.pi, 2 * POINTS, endpoint=False)
+    last = np.exp(-1j * angles[POINTS:])
+    found = []
+    for amplitude in (SMOOTHING * RATIOS).tolist():
+        inverse, play = TipPosition(half_width), Play(half_width + error)
+        desired = (amplitude * np.sin(angles)).tolist()
+        tip = [play.update(inverse.goal(r, 0.0, 0.0).position) for r in desired][POINTS:]
+        found.append((amplitude, complex(2.0 * np.mean(tip * last) / amplitude * 1j)))
+    return tuple(found)

@@ -35,7 +35,7 @@ import numpy as np
 from estimation.arrays import Floats
 from estimation.batch_models.relaxation import relaxing_part
 from estimation.estimator import LEVEL_95
-from estimation.smoothing import slope_kernel, smoothing_kernel
+from estimation.smoothing import extended, slope_kernel, smoothing_kernel
 from estimation.stiffening import Interval
 from teleop.evaluation.batch.candidate import Candidate
 from teleop.evaluation.batch.contact_phases import Phases
@@ -334,13 +334,7 @@ class Regressors:
     def _at_rows(self, values: Floats, kernel: Floats) -> Floats:
         """Convolve each piece of m signals with a kernel; return the values at the rows, (m, r)."""
         half = len(kernel) // 2
-        padded = np.concatenate(
-            [
-                np.pad(piece, ((0, 0), (half, half)), mode="reflect", reflect_type="odd")
-                for piece in self._split(values)
-            ],
-            axis=1,
-        )
+        padded = np.concatenate([extended(piece, half) for piece in self._split(values)], axis=1)
         index = self._rows.index
         first = index + 2 * half * (np.searchsorted(self._record.starts, index, side="right") - 1)
         return np.asarray(sum(w * padded[:, first + i] for i, w in enumerate(kernel[::-1])))

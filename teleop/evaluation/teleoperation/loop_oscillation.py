@@ -35,7 +35,9 @@ environment. If tremor moves such a loop, a stable trial is counted as not stabl
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -50,6 +52,22 @@ SEGMENT = 1.0
 FIRST = 1 << 14
 """Smallest number of samples that are processed together. The mean period of the samples that are
 processed first gives the number of samples in a segment."""
+
+
+class LoopOscillation(NamedTuple):
+    """Motion of the hand that the control loop sustains."""
+
+    amplitude: float
+    """Amplitude of the sine with the same power as this motion [m]; 0 if there is none."""
+    frequency: float
+    """Frequency with the largest velocity of this motion [Hz]; NaN if there is none."""
+    share: float
+    """Share of the power of the whole velocity that is in this motion, 0 to 1."""
+    tremor: float
+    """Amplitude of the other motion above `FASTEST_HAND` [m]."""
+
+
+NO_OSCILLATION = LoopOscillation(0.0, math.nan, 0.0, 0.0)
 
 
 class RunningSpectra:
@@ -67,7 +85,7 @@ class RunningSpectra:
         self._arm_damping = arm_damping
         self._pending: Floats = np.empty((3, 0))
         self._step = 0.0
-        self._length = 0
+        self._length = self._segments = 0
         self._motion: Floats = np.empty(0)
         self._from_hand: Floats = np.empty(0)
 
@@ -77,25 +95,39 @@ class RunningSpectra:
         if self._pending.shape[1] >= FIRST:
             self._add_segments()
 
-    def sustained_share(self) -> float:
-        """Return the share of the power of the motion that is in an oscillation of the loop.
+    def result(self) -> LoopOscillation:
+        """Return the motion above `FASTEST_HAND` that the loop sustains.
 
-        Let Z be the impedance that the hand feels. The power of the velocity is summed over the
-        frequencies above `FASTEST_HAND` at which -Re{Z} is above a threshold (see the documentation
-        of the module). The result is this sum divided by the power of the velocity at all
-        frequencies.
+        This is the motion at the frequencies at which -Re{Z} is above a threshold (see the
+        documentation of the module). Z is the impedance that the hand feels.
         """
         if self._pending.shape[1]:
             self._add_segments()
-        if not self._length:
-            return 0.0
+        if not self._segments:
+            return NO_OSCILLATION
         frequency = np.fft.rfftfreq(self._length, self._step).astype(np.float64)
         threshold = np.full(len(frequency), LEAST_DAMPING)
         if self._arm_damping:
             threshold = np.maximum(threshold, SUSTAINING * self._arm_damping(frequency))
-        total = float(self._motion.sum())
-        oscillating = (frequency > FASTEST_HAND) & (self._from_hand < -threshold * self._motion)
-        return float(self._motion[oscillating].sum()) / total if total > 0.0 else 0.0
+        active = self._from_hand < -threshold * self._motion
+        oscillating = (frequency > FASTEST_HAND) & active
+        # Parseval's theorem, with the mean power of the window
+        window = np.hanning(self._length)
+        scale = 4.0 / (self._segments * self._length * float(window @ window))
+        displaced = scale * self._motion / np.maximum(2.0 * np.pi * frequency, 1e-9) ** 2
+        tremor = displaced[(frequency > FASTEST_HAND) & ~oscillating]
+        # The voluntary motion on a body that is left has harmonics, which decrease with frequency.
+        harmonics = (frequency >= 0.5 * FASTEST_HAND) & (frequency <= FASTEST_HAND)
+        largest = float(np.max(self._motion[oscillating], initial=0.0))
+        if largest <= float(np.max(self._motion[harmonics], initial=0.0)):
+            return NO_OSCILLATION._replace(tremor=math.sqrt(float(tremor.sum())))
+        power = np.where(oscillating, self._motion, 0.0)
+        return LoopOscillation(
+            math.sqrt(float(displaced[oscillating].sum())),
+            float(frequency[int(np.argmax(power))]),
+            float(power.sum() / self._motion.sum()),
+            math.sqrt(float(tremor.sum())),
+        )
 
     def _add_segments(self) -> None:
         velocity, force, dt = self._pending
@@ -112,15 +144,16 @@ class RunningSpectra:
             np.fft.rfft(window * sliding_window_view(signal, length)[::stride], axis=1)
             for signal in (velocity, force)
         )
+        self._segments += len(v)
         self._motion += np.sum(np.abs(v) ** 2, axis=0)
         self._from_hand += np.sum((f * v.conj()).real, axis=0)
         self._pending = self._pending[:, len(v) * stride :].copy()
 
 
-def sustained_share(
+def loop_oscillation(
     velocity: Floats, force: Floats, dt: Floats, arm_damping: ArmDamping | None = None
-) -> float:
-    """Return the share of the power of a motion that is in an oscillation of the control loop."""
+) -> LoopOscillation:
+    """Return the part of a motion of the hand that the control loop sustains."""
     spectra = RunningSpectra(arm_damping)
     spectra.add(velocity, force, dt)
-    return spectra.sustained_share()
+    return spectra.result()

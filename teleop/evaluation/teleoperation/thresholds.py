@@ -13,9 +13,6 @@ SUSTAINING = 0.75
 oscillation of the loop. In an oscillation without tremor, r is 1. At a resonance of arm and
 environment, the environment multiplies the velocity of the tremor by 1 / (1 - r), compared with an
 environment with Re{Z} = 0."""
-MOST_SUSTAINED = 0.8
-"""Limit of the share of the power of the velocity that is in an oscillation of the loop (see
-`RunningSpectra.sustained_share`). A trial with a smaller share is stable."""
 
 # Felt stiffness
 
@@ -26,18 +23,29 @@ LEAST_FORCE = 0.5
 """Contact force, multiplied by the force gain, above which a tick is evaluated [N]."""
 LATE_REPORT = 0.5
 """Age of the newest packet of the slave above which the channel is named as the cause [s]."""
-FEWEST_TICKS = 100
-"""Smallest number of evaluated ticks."""
+BLOCK = 0.01
+"""Time over which force and position are averaged for the comparison [s]."""
+FEWEST_BLOCKS = 10
+"""Smallest number of blocks in contact."""
+MOST_TISSUE_MISFIT = 0.1
+"""Relative rms error of the law of the tissue above which a remark states that there is none."""
+BEHIND = 0.15
+"""Largest relative difference between the tip and the scaled position of the hand without
+remark."""
+NOTICEABLE = 0.23
+"""Smallest relative difference of stiffness that a person notices (L. A. Jones, I. W. Hunter, Exp.
+Brain Res. 79, 1990, 150-156: Weber fraction of 0.23)."""
+SEGMENT = 2.56
+"""Duration of the segments whose spectra are averaged for the impedance [s]."""
+LEAST_POWER = 1e-4
+"""Power of the velocity of the hand at a frequency, divided by the largest one, above which the
+impedance at this frequency is evaluated."""
 SMALLEST_MOTION = 0.5e-3
 """Depth below which lost motion of a tenth of a millimetre, as on the simulated rig, prevents an
 estimate of the specimen [m]."""
 MOST_PRIOR = 0.05
 """Largest share of the ticks without remark at which the hand feels the stiff prior. After a change
 of the specimen, the model-mediated law returns to the prior for about 0.2 s."""
-OLDEST_POSITION = 10.0
-"""Time for which position and force of the hand are stored [s]. They are compared with the slave,
-which receives the motion of the hand with the delay of the communication channel. This time is
-longer than any such delay."""
 
 # Tracking of the target
 

@@ -12,7 +12,7 @@ def fitted(phi, f):
     return np.linalg.lstsq(phi, f, rcond=None)[0]
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(st.integers(3, 40), st.integers(3, 150), st.integers(0, 99))
 def test_is_least_squares_over_the_latest_samples(samples, n, seed):
     rng = np.random.default_rng(seed)

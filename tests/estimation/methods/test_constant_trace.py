@@ -33,7 +33,7 @@ def test_equals_the_formula_of_astrom_and_wittenmark(palpation):
     np.testing.assert_allclose(estimator.scaled_covariance, p, rtol=1e-7, atol=1e-15)
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(
     seed=st.integers(0, 2**32 - 1),
     size=st.floats(-6.0, 6.0),

@@ -35,7 +35,7 @@ def test_without_forgetting_is_least_squares(palpation):
     np.testing.assert_allclose(DirectionalForgetting(1.0, P0).run(*s)[:4], expected[:4], rtol=1e-6)
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(angle=st.floats(0.0, 6.28), size=st.floats(-3.0, 3.0), dt=st.floats(1e-5, 0.1))
 def test_information_orthogonal_to_the_sample_is_kept(angle, size, dt):
     estimator = DirectionalForgetting(0.9, (1.0, 1.0), 1e-3)
@@ -67,7 +67,7 @@ def test_follows_the_stiffness_while_the_damping_rests(palpation):
     assert np.diag(estimator.scaled_covariance).max() < 1.0
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), size=st.floats(-300.0, 6.0))
 def test_covariance_stays_positive_and_bounded_for_all_signals(seed, size):
     rng = np.random.default_rng(seed)

@@ -9,7 +9,7 @@ from estimation.methods.lattice import least_in_box
 numbers = st.integers(-200, 200)
 
 
-@settings(max_examples=400)
+@settings(max_examples=100)
 @given(
     rows=st.lists(st.tuples(numbers, numbers, numbers), min_size=1, max_size=5),
     i_last=st.integers(1, 30),

@@ -65,7 +65,7 @@ def test_equals_an_exhaustive_search_for_a_plant_outside_the_grid(palpation, b, 
     assert_same_winners(PAPER, 10.0, *palpation(seconds=0.4, b=b, k=k, noise=0.1))
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(
     seed=st.integers(0, 2**32 - 1), rate=st.sampled_from([0.0, 10.0, 300.0]), log=st.integers(-4, 1)
 )

@@ -21,7 +21,7 @@ def constrained(phi, f, p0):
     return theta / size
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(st.floats(-400.0, 400.0), st.floats(-3000.0, 3000.0), st.integers(0, 99))
 def test_is_the_constrained_minimum(b, k, seed):
     rng = np.random.default_rng(seed)

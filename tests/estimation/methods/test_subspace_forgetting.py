@@ -62,7 +62,7 @@ def test_follows_the_stiffness_while_the_damping_rests(palpation):
     assert np.diag(estimator.scaled_covariance).max() < 1.0
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(
     seed=st.integers(0, 2**32 - 1),
     size=st.floats(-6.0, 6.0),

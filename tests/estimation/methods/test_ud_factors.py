@@ -57,7 +57,7 @@ def assert_close(got, expected):
     np.testing.assert_allclose(got, expected, rtol=1e-9, atol=1e-11 * np.abs(expected).max())
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=40, deadline=None)
 @CASES
 def test_the_covariance_update_equals_the_direct_formula(m, seed, size):
     u, d, z = factored(m, seed)
@@ -74,7 +74,7 @@ def test_the_covariance_update_equals_the_direct_formula(m, seed, size):
     assert_close(covariance_in(state), expected.astype(float))
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=40, deadline=None)
 @CASES
 def test_a_rank_one_update_equals_the_direct_formula(m, seed, size):
     u, d, y = factored(m, seed)
@@ -83,7 +83,7 @@ def test_a_rank_one_update_equals_the_direct_formula(m, seed, size):
     assert_close(covariance_in(state), u * d @ u.T + 10.0**size * np.outer(y, y))
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=25, deadline=None)
 @CASES
 def test_a_variance_is_added_to_one_parameter_alone(m, seed, size):
     u, d, y = factored(m, seed)

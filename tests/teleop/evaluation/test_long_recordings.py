@@ -270,9 +270,9 @@ def test_memory_does_not_depend_on_the_duration(trials, small, monkeypatch):
         tracemalloc.stop()
         return most
 
-    # The lower of two: the threads of pytest-xdist allocate too.
-    peaks = {duration: min(peak(duration), peak(duration)) for duration in (3, 8)}
-    assert peaks[8] < 1.25 * peaks[3]
+    short = peak(3)
+    # Again if it is too large: the threads of pytest-xdist allocate too.
+    assert peak(8) < 1.25 * short or peak(8) < 1.25 * short
 
 
 @given(

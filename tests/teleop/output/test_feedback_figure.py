@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from sim_backend import OperatorModel
@@ -13,6 +14,7 @@ from teleop.recording.recording import load
 from teleop.safety.events import ACTIVE
 from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.run import run_trial
+from teleop.trial.trial_statistics import recorded_rendering
 
 
 @pytest.fixture(scope="module")
@@ -31,15 +33,19 @@ def recorded(tmp_path_factory):
     return path
 
 
-def test_both_panels_have_the_same_force_axis_and_the_recorded_curves(recorded):
+def test_the_panels_have_the_same_force_axis_and_the_recorded_curves(recorded):
     recording = load(recorded)
-    left, right = feedback_figure(recording).axes
-    assert left.get_ylim() == right.get_ylim()
-    active = recording.where(recording["mode"] == ACTIVE)
-    x, f = right.lines[0].get_data()
-    assert set(x) <= set(active["slave_position"] * 1e3)
-    assert set(f) <= set(active["contact_force"])
-    assert len(left.lines[0].get_xdata()) > 100
+    left, middle, right = feedback_figure(recorded_rendering(recording)).axes
+    assert left.get_ylim() == middle.get_ylim()
+    x, f = middle.lines[0].get_data()
+    contact = recording["contact_force"]
+    assert contact.min() <= min(f) <= max(f) <= contact.max()
+    # the tip is behind the encoder by the lost motion and the stretch
+    assert 0.05 < recording["slave_position"].max() * 1e3 - max(x) < 0.3
+    tissue, felt = (line.get_data() for line in left.lines)
+    assert len(felt[0]) > 100
+    assert np.interp(max(x), *tissue) == pytest.approx(max(f), rel=0.1)
+    assert right.get_xscale() == "log"
 
 
 def test_the_felt_force_is_the_displayed_force(recorded):
@@ -52,11 +58,14 @@ def test_the_felt_force_is_the_displayed_force(recorded):
 
 
 def test_the_report_has_the_figure_only_with_force_feedback(recorded, tmp_path):
-    with_feedback = report_page("trial.mcap", None, None, load(recorded))
+    felt = recorded_rendering(load(recorded))
+    with_feedback = report_page("trial.mcap", None, None, load(recorded), felt=felt)
     assert "<summary>Force feedback</summary>" in with_feedback
     assert with_feedback.count("<svg") == 1
+    assert "the hand felt k = " in with_feedback
     plain = tmp_path / "plain.mcap"
     run_trial(TrialSettings(clock="virtual", duration=1.0, estimators=("rls",)), plain)
+    assert recorded_rendering(load(plain)) is None
     without = report_page("plain.mcap", None, None, load(plain))
     assert "<summary>Force feedback</summary>" not in without
     assert "<svg" not in without

@@ -16,7 +16,7 @@ BROWSERS = ("chromium-headless-shell", "chromium", "chromium-browser", "google-c
 @pytest.fixture(scope="module")
 def address(tmp_path_factory):
     path = tmp_path_factory.mktemp("report") / "hard.mcap"
-    options = ["--clock", "virtual", "--cube", "hard", "--duration", "4"]
+    options = ["--clock", "virtual", "--cube", "hard", "--duration", "2.9"]  # interpreted
     assert main(["run", *options, "--record", str(path)]) == 0
     assert main(["report", str(path), "--estimators", "rls,rls_conditional,me_switching"]) == 0
     return path.with_suffix(".html").as_uri()

@@ -48,7 +48,7 @@ def spring(lag, seed=0, noise=0.02, lost_motion=0.0, motion=chirp, rate=1000):
     """A spring of 8 kN/m behind lost motion and a lag, solved by the trapezoidal rule."""
     rng = np.random.default_rng(seed)
     dt = 1e-4
-    t = np.arange(0.0, 5.0, dt)
+    t = np.arange(50_001) * dt  # n - 1 samples have small prime factors: quick transforms
     x = motion(t)
     tip, f = np.zeros_like(t), np.zeros_like(t)
     a = 0.5 * dt / lag
@@ -63,8 +63,6 @@ def spring(lag, seed=0, noise=0.02, lost_motion=0.0, motion=chirp, rate=1000):
 @pytest.mark.parametrize(
     ("lag", "lost_motion", "motion"),
     [
-        (6e-3, 0.0, chirp),
-        (4.4e-3, 40e-6, two_amplitudes),
         (1e-3, 100e-6, chirp),
         (10e-3, 5e-6, two_amplitudes),
     ],
@@ -72,18 +70,18 @@ def spring(lag, seed=0, noise=0.02, lost_motion=0.0, motion=chirp, rate=1000):
 def test_the_intervals_hold_lag_and_lost_motion_about_as_often_as_they_say(
     lag, lost_motion, motion
 ):
-    """Of 20 records, 16 to 20 is what 95 % allow but once in 400 times."""
+    """Of 12 records, 9 to 12 is what 95 % allow but once in 400 times."""
     x, f, dt = spring(lag, 0, 0.0, lost_motion, motion, rate=500)
     rng = np.random.default_rng(3)
     held = np.zeros(2)
-    for _ in range(20):
+    for _ in range(12):
         found = measure_lag(x, f + rng.normal(0.0, 0.2, len(f)), dt)
         assert found.separable
         held += (
             found.lag.low <= lag <= found.lag.high,
             found.lost_motion.low <= lost_motion <= found.lost_motion.high,
         )
-    assert (held >= 16).all(), held
+    assert (held >= 9).all(), held
 
 
 def test_lag_and_lost_motion_from_one_record_have_opposite_errors():
@@ -105,7 +103,7 @@ def delayed_spring(seed, share, lag, lost_motion):
     """A spring whose force has a pure delay of `share * lag`, then a lag of first order."""
     rng = np.random.default_rng(seed)
     step, rate = 1e-4, 500
-    t = np.arange(0.0, 6.0, step)
+    t = np.arange(50_001) * step
     x = chirp(t)
     tip = x.copy()
     for n in range(1, len(t)):
@@ -120,8 +118,7 @@ def delayed_spring(seed, share, lag, lost_motion):
     return x[::every], f, np.full(len(f), 1.0 / rate)
 
 
-@pytest.mark.parametrize("share", [0.0, 0.5, 1.0])
-@pytest.mark.parametrize(("lag", "lost_motion"), [(6e-3, 0.0), (4.4e-3, 40e-6)])
+@pytest.mark.parametrize(("share", "lag", "lost_motion"), [(0.5, 4.4e-3, 40e-6), (1.0, 6e-3, 0.0)])
 def test_a_lag_that_is_a_pure_delay_is_measured_like_a_first_order_lag(share, lag, lost_motion):
     """Of 10 records, 7 to 10 is what 95 % allow but once in 1000 times."""
     held = np.zeros(3)
@@ -147,30 +144,28 @@ def covered(found, lag, lost_motion, k):
     )
 
 
-@pytest.mark.parametrize(
-    ("rate", "step", "noise"), [(1000, 4e-6, 0.1), (1000, 4e-6, 0.002), (100, 1e-7, 0.2)]
-)
+@pytest.mark.parametrize(("rate", "step", "noise"), [(1000, 4e-6, 0.002), (100, 1e-7, 0.2)])
 def test_neither_a_coarse_encoder_nor_a_slow_rate_moves_lag_and_lost_motion(rate, step, noise):
-    """Of 20 records, 16 to 20 is what 95 % allow but once in 400 times."""
+    """Of 12 records, 9 to 12 is what 95 % allow but once in 400 times."""
     x, f, dt = spring(3e-3, 0, 0.0, 60e-6, two_amplitudes, rate)
     rng = np.random.default_rng(4)
     held = np.zeros(3)
-    for _ in range(20):
+    for _ in range(12):
         position = np.round((x + rng.normal(0.0, 0.5 * step, len(x))) / step) * step
         found = measure_lag(position, f + rng.normal(0.0, noise, len(f)), dt)
         held += covered(found, 3e-3, 60e-6, 8000.0)
-    assert (held >= 16).all(), held
+    assert (held >= 9).all(), held
 
 
 def test_the_intervals_contain_coloured_noise_of_the_force():
-    """Of 20 records, 16 to 20 is what 95 % allow but once in 400 times."""
+    """Of 12 records, 9 to 12 is what 95 % allow but once in 400 times."""
     x, f, dt = spring(3e-3, 0, 0.0, 60e-6, two_amplitudes, 500)
     rng = np.random.default_rng(5)
     held = np.zeros(3)
-    for _ in range(20):
+    for _ in range(12):
         noise = lfilter([0.1], [1.0, -0.9], rng.normal(0.0, 1.0, len(f)))
         held += covered(measure_lag(x, f + noise, dt), 3e-3, 60e-6, 8000.0)
-    assert (held >= 16).all(), held
+    assert (held >= 9).all(), held
 
 
 def test_the_play_by_strokes_is_that_of_each_sample():

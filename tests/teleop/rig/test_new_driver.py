@@ -54,12 +54,13 @@ def test_the_tests_of_a_new_package_pass_and_its_driver_is_short(tmp_path, modul
     assert len((tmp_path / "acme_one.py").read_text().splitlines()) < 80
 
 
-@pytest.mark.parametrize(("kind", "drive"), NAMES)
-def test_a_new_package_is_formatted(tmp_path, kind, drive):
+def test_a_new_package_is_formatted(tmp_path):
     pytest.importorskip("ruff")
-    written(tmp_path, "acme", kind, drive)
+    for kind, drive in NAMES:
+        written(tmp_path / f"{kind}-{drive}", "acme", kind, drive)
     ruff = [sys.executable, "-m", "ruff"]
-    files = [*tmp_path.glob("*.py")]
+    files = [*tmp_path.rglob("*.py")]
+    assert len(files) >= 3 * len(NAMES)
     line = "--line-length=100"
     done = subprocess.run([*ruff, "format", "--check", line, *files], check=False)
     assert done.returncode == 0

@@ -15,4 +15,4 @@ def test_no_sequence_of_faults_failing_calls_and_requests_violates_a_safety_rule
     module = importlib.util.module_from_spec(spec)
     sys.modules["safety_search"] = module
     spec.loader.exec_module(module)
-    module.search(100)
+    module.search(50)

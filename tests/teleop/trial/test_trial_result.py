@@ -130,14 +130,10 @@ def test_the_picture_has_the_measured_points_and_k_as_their_slope(trial, message
     assert level == pytest.approx(at["force"], abs=0.2)
 
 
-@pytest.mark.parametrize("condition", ["free", "mimic", "autonomous", None])
-def test_the_output_fits_a_terminal_of_80_x_24(condition, path, trial, monkeypatch, capsys):
+def test_the_output_of_estimate_fits_a_terminal_of_80_x_24(path, trial, monkeypatch, capsys):
+    """`test_trial_tables.py` tests that of a run."""
     monkeypatch.setenv("COLUMNS", "80")
-    if condition:
-        command = ["run", "--clock", "virtual", "--no-record", "--cube", "hard"]
-        assert main([*command, "--condition", condition]) == 0
-    else:
-        assert main(["estimate", str(path)]) == 0
+    assert main(["estimate", str(path)]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert len(lines) <= 23  # the last line is for the next command
     assert max(map(len, lines)) <= 80

@@ -63,7 +63,7 @@ def run_netft(trials, kind="", again="", bus="contact", duration=0.6, **options)
 
 
 def test_a_trial_with_net_ft_sensors_estimates_the_cube(in_memory):
-    trial, _ = run_netft(in_memory, duration=4.0)
+    trial, _ = run_netft(in_memory, duration=2.5)
     assert trial.fault is None
     assert trial.recording["contact_force_age"].max() < 0.01
     assert trial.summary()["estimates"]["rls"]["k"] == pytest.approx(2000.0, rel=0.1)
@@ -127,7 +127,7 @@ def run_moteus(trials, kind="", where="can", duration=0.6, condition="autonomous
 
 
 def test_a_trial_with_moteus_controllers_estimates_the_cube(in_memory):
-    trial, _ = run_moteus(in_memory, duration=4.0)
+    trial, _ = run_moteus(in_memory, duration=2.5)
     assert trial.fault is None
     assert trial.recording["slave_position_age"].max() < 0.01
     assert trial.summary()["estimates"]["rls"]["k"] == pytest.approx(2000.0, rel=0.1)
@@ -172,7 +172,7 @@ def run_haply(trials, kind="", where="handle", duration=0.6):
 
 
 def test_a_trial_with_a_haply_inverse3_estimates_the_cube(in_memory):
-    trial, emulator = run_haply(in_memory, duration=4.0)
+    trial, emulator = run_haply(in_memory, duration=2.5)
     assert trial.fault is None
     assert trial.recording["master_position_age"].max() < 0.02
     assert trial.summary()["estimates"]["rls"]["k"] == pytest.approx(2000.0, rel=0.2)

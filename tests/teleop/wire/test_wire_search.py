@@ -23,7 +23,7 @@ from teleop.safety import Fault, Mode, Request
 from teleop.safety.channels import DetectedFault
 from teleop.trial.assembly import make_clock, make_controller
 
-TRIALS = int(os.environ.get("WIRE_SEARCH_TRIALS", "5"))
+TRIALS = int(os.environ.get("WIRE_SEARCH_TRIALS", "3"))
 TICKS = 450
 BOUND = 0.3
 """Longest time from a fault until all drives are disabled [s].

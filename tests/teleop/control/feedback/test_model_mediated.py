@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 import random
+from dataclasses import replace
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drivers import Ages, Measurement
-from sim_backend import CUBES
+from estimation.transmission import TransmissionCalibration
+from sim_backend import CUBES, Transmission
 from teleop.control.admittance import Admittance, AdmittanceParameters, Environment
 from teleop.control.alignment import Pair
 from teleop.control.coupling import Coupling
@@ -126,9 +128,9 @@ def test_after_a_small_motion_the_interval_contains_the_force_of_the_hard_cube_a
             x = 0.5 * depth * (1.0 - math.cos(omega * n * DT))
             v = 0.5 * depth * omega * math.sin(omega * n * DT)
             model.update(Pair(x, cube.force(x, v) + noise.gauss(0.0, 0.02), DT))
-        _, k, k3 = model._estimator.state.theta
+        _, k, k3 = model._chosen._estimator.state.theta
         error = k * deep + k3 * deep**3 - cube.force(deep, 0.0)
-        assert abs(error) < model._half_interval(deep)
+        assert abs(error) < model._chosen.half_interval(deep)
 
 
 def test_a_disturbance_at_the_rate_of_the_estimator_does_not_change_the_model():
@@ -144,6 +146,62 @@ def test_a_disturbance_at_the_rate_of_the_estimator_does_not_change_the_model():
             model.update(Pair(x, force + disturbance, DT))
     undisturbed, disturbed = (model.model.force(4e-3, 0.0) for model in models)
     assert disturbed == pytest.approx(undisturbed, rel=1e-6)
+
+
+def palpate_through(model, transmission, law, seconds=4.0, depth=4e-3, start=0.0):
+    """Move the encoder of the simulated transmission; the tip touches the body with this law."""
+    played = 0.0
+    for n in range(round(seconds / DT)):
+        t = start + n * DT
+        x = 0.5 * depth * (1.0 - math.cos(2.0 * math.pi * t))
+        v = 0.5 * depth * 2.0 * math.pi * math.sin(2.0 * math.pi * t)
+        played = transmission.play(played, x)
+        force = transmission.tip_force(law, played, x, v)
+        model.update(Pair(x, force, DT))
+
+
+@pytest.mark.parametrize("known", [True, False])
+@pytest.mark.parametrize(("name", "depth"), [("soft", 4e-3), ("hard", 0.7e-3)])
+def test_with_lost_motion_the_model_is_that_of_the_tissue_at_the_tip(name, depth, known):
+    transmission = Transmission(120e-6, 7e-6)
+    calibrated = TransmissionCalibration(lost_motion=120e-6 if known else 0.0, compliance=7e-6)
+    model, cube = LocalModel(calibrated, known), CUBES[name]
+    palpate_through(model, transmission, cube, depth=depth)
+    assert model.half_width == pytest.approx(120e-6)
+    tip = cube.compressed(depth - 120e-6, 7e-6)
+    assert model.model.force(tip, 0.0) == pytest.approx(cube.force(tip, 0.0), rel=0.02)
+    assert model.model.b == pytest.approx(cube.b, rel=0.4, abs=1.0)
+
+
+@given(
+    st.permutations(["soft", "medium", "hard"]),
+    st.floats(0.0, 200e-6),
+    st.floats(0.0, 1.0),
+)
+@settings(max_examples=15, deadline=None)
+def test_two_seconds_after_a_change_of_the_body_the_model_is_that_of_the_new_one(
+    names, lost, phase
+):
+    """In small motion, as a stiff model causes it, and in each direction."""
+    transmission = Transmission(lost, 7e-6)
+    model = LocalModel(TransmissionCalibration(lost_motion=lost, compliance=7e-6))
+    depth = 1e-3 + lost
+    before, after = CUBES[names[0]], CUBES[names[1]]
+    palpate_through(model, transmission, before, 3.0 + phase, depth)
+    palpate_through(model, transmission, after, 2.0, depth, start=3.0 + phase)
+    tip = after.compressed(1e-3, 7e-6)
+    assert model.model.force(tip, 0.0) == pytest.approx(after.force(tip, 0.0), rel=0.1)
+
+
+def test_a_body_that_is_left_at_each_press_is_identified():
+    model = LocalModel(glued=False)
+    cube = replace(CUBES["medium"], glued=False)
+    for n in range(4000):
+        t = n * DT
+        x = 2e-3 * math.sin(2.0 * math.pi * t)
+        v = 4e-3 * math.pi * math.cos(2.0 * math.pi * t)
+        model.update(Pair(x, cube.force(x, v), DT))
+    assert model.model.force(2e-3, 0.0) == pytest.approx(cube.force(2e-3, 0.0), rel=0.02)
 
 
 def test_on_misfit_the_model_is_the_stiff_prior_again():

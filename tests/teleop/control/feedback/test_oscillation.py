@@ -98,7 +98,6 @@ def test_slow_motion_and_motion_below_the_least_speed_are_not_found():
 def test_supervisor_and_evaluation_have_the_same_definition_of_an_oscillation():
     assert oscillation.SLOWEST == thresholds.FASTEST_HAND
     assert oscillation.LEAST_DAMPING == thresholds.LEAST_DAMPING
-    assert MOST_SHARE < thresholds.MOST_SUSTAINED
     assert MEMORY == thresholds.SETTLING
 
 

@@ -11,7 +11,11 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from teleop.control.feedback.stability import DelayedLoop
+from teleop.control.feedback.stability import (
+    DelayedLoop,
+    response_of_compensated_play,
+    response_of_play,
+)
 
 LOOPS = st.builds(
     DelayedLoop,
@@ -148,3 +152,71 @@ def test_the_safe_delay_is_below_that_of_the_full_model_of_the_simulated_rig(
     """`full` is the largest stable round trip of a model with servo, force channels and loop."""
     loop = DelayedLoop(0.5, damping, arm_stiffness, arm_damping, k, arm_lag=6.48e-3)
     assert loop.safe_delay - 4.16e-3 <= full + 0.1e-3
+
+
+def play_loop_amplitude(loop, delay, half_width, start):
+    """Return the amplitude after 12 s of a simulation of the delayed loop with a play [m]."""
+    step = 1e-4
+    back = max(round(delay / step), 1)
+    x, v, played = start, 0.0, 0.0
+    past = [0.0] * back
+    largest = 0.0
+    for n in range(120_000):
+        if abs(x - played) > half_width:
+            played = x - math.copysign(half_width, x - played)
+        past.append(loop.gain * loop.k * played)
+        force = past.pop(0)
+        v += step / loop.mass * (-loop.resistance * v - loop.arm_stiffness * x - force)
+        x += v * step
+        if n > 100_000:
+            largest = max(largest, abs(x))
+    return largest
+
+
+@pytest.mark.parametrize(
+    ("damping", "arm", "delay"),
+    [(10.0, 250.0, 6.8e-3), (15.0, 250.0, 9e-3), (30.0, 400.0, 8e-3), (15.0, 0.0, 1e-3)],
+)
+def test_the_limit_cycle_of_lost_motion_is_that_of_a_simulation(damping, arm, delay):
+    """The describing function neglects harmonics, so that its amplitude is approximate."""
+    loop = DelayedLoop(0.5, damping, arm, 5.0 if arm else 0.0, 2100.0)
+    half_width = 120e-6
+    assert delay < loop.safe_delay
+    found = loop.limit_cycle(delay, response_of_play(half_width))
+    simulated = play_loop_amplitude(loop, delay, half_width, 3e-3)
+    if found is None:
+        assert simulated < 1.5 * half_width
+    else:
+        assert simulated == pytest.approx(found.amplitude, rel=0.35)
+
+
+@given(LOOPS, st.floats(1e-6, 1e-3), st.floats(1.5, 10.0))
+def test_the_limit_cycle_is_proportional_to_the_lost_motion(loop, half_width, factor):
+    delay = 0.5 * loop.safe_delay
+    one, other = (
+        loop.limit_cycle(delay, response_of_play(width))
+        for width in (half_width, factor * half_width)
+    )
+    assert (one is None) == (other is None)
+    if one and other:
+        assert other.amplitude == pytest.approx(factor * one.amplitude)
+        assert other.frequency == one.frequency
+    assert loop.limit_cycle(delay, response_of_play(0.0)) is None
+
+
+def test_the_compensation_makes_the_limit_cycle_at_least_ten_times_smaller():
+    loop = DelayedLoop(0.5, 15.0, 250.0, 5.0, 2100.0)
+    with_play = loop.limit_cycle(9e-3, response_of_play(120e-6))
+    compensated = loop.limit_cycle(9e-3, response_of_compensated_play(120e-6))
+    assert with_play.amplitude > 400e-6
+    assert compensated is None or compensated.amplitude < 0.1 * with_play.amplitude
+    wrong = loop.limit_cycle(9e-3, response_of_compensated_play(120e-6, 30e-6))
+    assert wrong.amplitude > 60e-6
+
+
+def test_the_numerical_describing_function_of_a_play_is_the_analytical_one():
+    exact = dict(response_of_play(50e-6))
+    inverse = {a: n for a, n in response_of_compensated_play(1e-12, 50e-6 - 1e-12) if a > 60e-6}
+    for amplitude, response in inverse.items():
+        nearest = min(exact, key=lambda a: abs(a - amplitude))
+        assert abs(response - exact[nearest]) < 0.05

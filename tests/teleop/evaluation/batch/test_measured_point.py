@@ -28,7 +28,7 @@ def test_no_stiffness_if_the_surface_moves_much_farther_than_the_tip():
     assert "the surface moves or the tip slides" in found.reasons[0].lower()
 
 
-@pytest.mark.parametrize("travel", [2e-3, 5e-3, 8e-3, 1.2e-2])
+@pytest.mark.parametrize("travel", [2e-3, 1.2e-2])
 def test_a_stiffness_on_a_moving_surface_is_that_of_the_cycles_at_its_force(travel):
     found = moving_surface(travel).result
     depth = np.linspace(1e-3, 3e-3, 1001)
@@ -48,7 +48,7 @@ def test_a_surface_at_rest_has_the_tangent_of_its_cycles():
 
 
 def test_force_and_depth_are_a_point_of_a_record_whose_position_drifts():
-    for seed in range(4):
+    for seed in range(2):
         record = COVERAGE_KINDS["sinusoid with drift"](np.random.default_rng(seed))
         one = analyse(Signals(record.t, record.x, record.f, periods(record.t), "position"))
         found = one.result

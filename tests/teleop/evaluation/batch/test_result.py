@@ -85,22 +85,14 @@ def sines_with_drift():
     return [analyse(sine(drift=8e-3, seed=seed)) for seed in range(20)]
 
 
-def check_models(analyses):
-    fits = [fit for one in analyses for fit in one.models(0.0, 5.0)]
+def test_intervals_of_the_models_of_a_sine_with_drift_contain_the_truth(sines_with_drift):
+    fits = [fit for one in sines_with_drift for fit in one.models(0.0, 5.0)]
     fits = [fit.parameters for fit in fits if fit.name == "kelvin-voigt with datum"]
     for name, true in (("k", 2000.0), ("b", 20.0)):
         inside = [fit[name].low <= true <= fit[name].high for fit in fits]
         assert sum(inside) >= 17
     # Least squares with independent noise of 5 mN has a standard deviation of 0.16 N/m.
     assert np.median([fit["k"].high - fit["k"].low for fit in fits]) < 2.0 * 2.0 * 1.96 * 0.16
-
-
-def test_intervals_of_the_models_of_a_sine_with_drift_contain_the_truth(sines_with_drift):
-    check_models(sines_with_drift)
-
-
-def test_intervals_of_the_models_of_a_sine_contain_the_truth():
-    check_models([analyse(sine(seed=seed)) for seed in range(20)])
 
 
 def test_intervals_of_a_sine_with_drift_contain_the_truth_and_are_not_too_wide(sines_with_drift):
@@ -146,18 +138,20 @@ def test_parameters_at_the_edge_of_plausibility_are_not_identifiable():
     assert fits["kelvin-voigt with datum"].identifiable
 
 
-def models_of_a_poke(seed, drift):
-    """Return the models of a stiffening body under a sine that begins at the surface."""
+def models_of_a_poke(seed):
+    """Return the models of a stiffening body under a sine that begins at the surface.
+
+    The force drifts.
+    """
     t = np.arange(0.0, 10.0, 5e-3)
     x = 4e-3 * (1.0 - np.exp(-t / 0.3)) + 2e-3 * np.sin(2.0 * np.pi * t)
-    f = 2000.0 * x + 3e7 * x**3 + 5.0 * np.gradient(x, t) + drift * np.sin(0.3 * t)
+    f = 2000.0 * x + 3e7 * x**3 + 5.0 * np.gradient(x, t) + np.sin(0.3 * t)
     f += np.random.default_rng(seed).normal(0.0, 0.01, len(t))
     return {fit.name: fit for fit in analyse(signals_of(t, x, f)).models(0.0, 0.0)}
 
 
-@pytest.mark.parametrize("drift", [0.0, 1.0])
-def test_the_models_of_a_motion_with_a_transient_are_those_of_the_body(drift):
-    found = [models_of_a_poke(seed, drift)["stiffening"] for seed in range(12)]
+def test_the_models_of_a_motion_with_a_transient_are_those_of_the_body():
+    found = [models_of_a_poke(seed)["stiffening"] for seed in range(12)]
     assert found[0].parameters["k"].value == pytest.approx(2000.0, rel=0.01)
     assert found[0].parameters["k3"].value == pytest.approx(3e7, rel=0.01)
     assert found[0].rms < 0.02

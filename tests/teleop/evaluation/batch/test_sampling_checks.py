@@ -122,12 +122,11 @@ def test_a_rigid_stop_with_a_coarse_encoder_is_not_a_stalled_position():
 
 @pytest.mark.parametrize("kind", ["intermittent contact", "ramp, hold, release", "relaxing body"])
 def test_an_inverted_force_is_named_and_not_taken_for_a_drift_or_puncture(kind):
-    for seed in range(3):
-        record = COVERAGE_KINDS[kind](np.random.default_rng(seed))
-        found = result(record.t, record.x, -record.f)
-        assert found.k is None
-        assert "the sign of the force is wrong" in found.reasons[0]
-        assert "--invert force" in found.hints[0]
+    record = COVERAGE_KINDS[kind](np.random.default_rng(0))
+    found = result(record.t, record.x, -record.f)
+    assert found.k is None
+    assert "the sign of the force is wrong" in found.reasons[0]
+    assert "--invert force" in found.hints[0]
 
 
 def test_both_signs_inverted_are_named():

@@ -44,7 +44,7 @@ def saturated(found: StiffnessResult) -> bool:
     return any("saturated" in reason for reason in found.reasons)
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=4, deadline=None)
 @given(
     seed=st.integers(0, 100),
     play=st.floats(0.0, 0.2 * AMPLITUDE),
@@ -82,7 +82,7 @@ def test_lost_motion_at_the_lowest_force_is_not_taken_for_free_motion(tmp_path, 
     assert "free" not in {phase["phase"] for phase in found["phases"][1:]}
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=4, deadline=None)
 @given(
     seed=st.integers(0, 100),
     share=st.floats(0.5, 0.9),

@@ -28,7 +28,6 @@ REASONS = {
     "import os; os._exit(7)": "ended with exit code 7",
     "bytes(1 << 45)": "it needs more memory than",
     "import time; time.sleep(600)": "not done after 1 s",
-    "while True: pass": "not done after 1 s",
     "def f(): f()\nf()": "maximum recursion depth exceeded",
     "print('noise')\nimport os; os.write(1, b'noise')\nraise ImportError": "needs python-calamine",
     "raise TypeError('two\\nlines')": "two lines",
@@ -193,9 +192,12 @@ DAMAGES = {
 """How a file is damaged, at a given place."""
 
 
-@pytest.mark.parametrize("ending", [".parquet", ".mat", ".h5", ".tdms", ".mcap", ".xlsx"])
-def test_damaged_files_are_read_or_refused_in_one_line(tmp_path, ending):
-    """A damaged number can still be a number."""
+ENDINGS = [".parquet", ".mat", ".h5", ".tdms", ".mcap", ".xlsx"]
+
+
+@pytest.mark.parametrize(("number", "ending"), [*enumerate(ENDINGS)], ids=ENDINGS)
+def test_damaged_files_are_read_or_refused_in_one_line(tmp_path, number, ending):
+    """A damaged number can still be a number. Each format has two of the damages."""
     t = [0.01 * i for i in range(60)]
     columns = {"time_s": t, "position_mm": [v % 0.3 for v in t], "force_N": [v % 0.2 for v in t]}
     path = tmp_path / f"whole{ending}"
@@ -203,7 +205,8 @@ def test_damaged_files_are_read_or_refused_in_one_line(tmp_path, ending):
     assert len(read_signals(path, time="1=s" if ending == ".mcap" else None).t) == 60
     data = path.read_bytes()
     places = random.Random(ending)
-    for name, damage in DAMAGES.items():
+    for name in list(DAMAGES)[number % 2 :: 2]:
+        damage = DAMAGES[name]
         path = tmp_path / f"{name}{ending}"
         path.write_bytes(damage(data, places.randrange(8, len(data) - 8)))
         message = str(path)

@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from sim_backend import operators
 from teleop.control import bilateral
 from teleop.control.channel import ChannelSettings
-from teleop.evaluation.teleoperation.loop_oscillation import RunningSpectra, sustained_share
+from teleop.evaluation.teleoperation.loop_oscillation import RunningSpectra, loop_oscillation
 from teleop.evaluation.teleoperation.rendering import hand
-from teleop.evaluation.teleoperation.thresholds import LEAST_DAMPING, MOST_SUSTAINED, SUSTAINING
+from teleop.evaluation.teleoperation.thresholds import LEAST_DAMPING, SUSTAINING
 from teleop.safety.events import ACTIVE
 from teleop.settings.feedback_checks import arm_damping
 from teleop.trial.run import run_trial
@@ -30,7 +30,7 @@ def response(impedance, omega):
 
 
 def share(velocity, force, arm=None):
-    return sustained_share(velocity, force, np.full(len(velocity), STEP), arm)
+    return loop_oscillation(velocity, force, np.full(len(velocity), STEP), arm).share
 
 
 @given(
@@ -88,9 +88,19 @@ def test_amplified_tremor_of_a_stable_loop_is_not_an_oscillation_if_the_arm_is_k
     velocity = hand(active, 0.5, 15.0, 0.0).velocity
     part = active["time"] > 4.0
     motion = velocity[part], active["drive_force"][part], active["dt"][part]
-    assert sustained_share(*motion) > MOST_SUSTAINED
-    assert sustained_share(*motion, partial(arm_damping, settings)) < 0.1
+    assert loop_oscillation(*motion).share > 0.8
+    assert loop_oscillation(*motion, partial(arm_damping, settings)).share < 0.1
     assert result.feedback()["stable"]
+
+
+@given(frequency=st.integers(7, 40), amplitude=st.floats(1e-6, 1e-3))
+def test_the_amplitude_and_the_frequency_are_those_of_the_sine(frequency, amplitude):
+    omega = 2.0 * np.pi * frequency
+    velocity = amplitude * omega * np.cos(omega * TIME)
+    found = loop_oscillation(velocity, -15.0 * velocity, np.full(len(TIME), STEP))
+    assert found.amplitude == pytest.approx(amplitude, rel=0.02)
+    assert found.frequency == pytest.approx(frequency, abs=1.01)
+    assert found.tremor < 0.05 * amplitude
 
 
 def test_slow_motion_is_not_an_oscillation():
@@ -110,8 +120,8 @@ def test_an_oscillation_at_the_end_of_a_trial_in_blocks_is_found():
     spectra = RunningSpectra()
     for part in np.split(velocity, 30):
         spectra.add(part, -15.0 * part, np.full(len(part), STEP))
-    assert spectra.sustained_share() == pytest.approx(share(velocity, -15.0 * velocity))
-    assert spectra.sustained_share() > 0.95
+    assert spectra.result().share == pytest.approx(share(velocity, -15.0 * velocity))
+    assert spectra.result().share > 0.95
 
 
 def test_the_tremor_of_a_stiff_arm_is_not_counted_as_unstable(feedback_settings):
@@ -132,5 +142,6 @@ def test_an_oscillation_without_a_stop_is_counted_as_unstable_with_and_without_t
     active = result.recording.where(result.recording["mode"] == ACTIVE)
     felt = hand(active, 0.5, 15.0, 0.0)
     arm = partial(arm_damping, settings)
-    found = sustained_share(felt.velocity, active["drive_force"], active["dt"], arm)
-    assert found > MOST_SUSTAINED
+    found = loop_oscillation(felt.velocity, active["drive_force"], active["dt"], arm)
+    assert found.share > 0.8
+    assert found.amplitude > found.tremor
