@@ -7,7 +7,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -15,14 +15,19 @@ RIGS = Path(__file__).parents[1] / "rigs"
 
 
 @contextmanager
-def emulated(name: str, condition: str = "autonomous", rate: int = 0) -> Iterator[Path]:
+def emulated(
+    name: str | Path, condition: str = "autonomous", rate: int = 0, extra: Sequence[str] = ()
+) -> Iterator[Path]:
     """Emulate an example rig in another process; yield the rig file for runs on this rig.
+
+    `name` is the name of an example, or the path of a rig file. `extra` are further options.
 
     `rate` is the rate of the loop and of the samples [Hz]. If it is 0, they are those of the rig
     file. The baud rate of a serial port is then high enough for 4 kHz.
     """
     with tempfile.TemporaryDirectory() as folder:
-        rig, out = RIGS / f"{name}.toml", Path(folder) / "run.toml"
+        rig = name if isinstance(name, Path) else RIGS / f"{name}.toml"
+        out = Path(folder) / "run.toml"
         if rate:
             text = re.sub(r"rate_hz = \d+", f"rate_hz = {rate}", rig.read_text())
             text = re.sub(r"baud_bps = \d+", "baud_bps = 3000000", text)
@@ -30,7 +35,7 @@ def emulated(name: str, condition: str = "autonomous", rate: int = 0) -> Iterato
             rig.write_text(text)
         process = subprocess.Popen(
             [sys.executable, "-m", "teleop", "rig", "emulate", rig, "--condition", condition,
-             "--out", out],
+             "--out", out, *extra],
             stdout=subprocess.DEVNULL,
         )  # fmt: skip
         try:

@@ -41,7 +41,7 @@ from search_rig import BOUND, LIMITS, PERIOD, Pushing, SearchRig
 
 from drivers import CHANNELS, STANDSTILL, RigError
 from estimation import MatchedFilter, paper_preset
-from sim_backend import ForceMaster
+from sim_backend import ForceMaster, ForceSlave
 from sim_backend.faults import Frozen, Replaced, Reported, RigFault, Runaway, Shifted
 from teleop.control.bilateral import BilateralLink
 from teleop.control.channel import ChannelSettings
@@ -108,6 +108,7 @@ class SafetySearch(RuleBasedStateMachine):
         pointer=st.booleans(),
         press=st.sampled_from([True, True, True, False]),
         axes=st.sampled_from(AXES),
+        latency=st.sampled_from([1, 1, 2]),
     )
     def start(
         self,
@@ -120,6 +121,7 @@ class SafetySearch(RuleBasedStateMachine):
         pointer: bool,
         press: bool,
         axes: tuple[str, str],
+        latency: int,
     ) -> None:
         self.n = 0
         self.bank = paper_preset("soft").bank()
@@ -130,8 +132,9 @@ class SafetySearch(RuleBasedStateMachine):
         if may != "none":
             self.page = InProcess(self.layout, self.by_page, pointer, self.now)
         operator = self.page.make_operator() if self.page else None
-        master = ForceMaster(max_force=200.0) if axes[0] == "force" else None
-        self.rig = SearchRig(self.now, operator, master, axes[1])  # type: ignore[arg-type]
+        master = ForceMaster(max_force=200.0, latency=latency) if axes[0] == "force" else None
+        slave = ForceSlave(latency=latency) if axes[1] == "force" else axes[1]
+        self.rig = SearchRig(self.now, operator, master, slave)  # type: ignore[arg-type]
         self.condition = Pushing()
         self.condition.force = None if operator else force
         self.link = make_link(self.settings)

@@ -10,7 +10,7 @@ from drivers import Command, Measurement, Rig, RigError
 from sim_backend import CUBES, ForceMaster, SimulatedRig
 from sim_backend.faults import FaultyRig
 from sim_backend.operators import Hand
-from sim_backend.slave_drives import SlaveDriveName
+from sim_backend.slave_drives import ForceSlave, SlaveDriveName
 from teleop.control.conditions import Condition
 from teleop.safety import Limits
 from teleop.settings.simulated_rig_limits import simulated_rig_limits
@@ -43,7 +43,7 @@ class SearchRig(Rig):
         now: Any,
         operator: Hand | None = None,
         master: ForceMaster | None = None,
-        slave_drive: SlaveDriveName = "velocity",
+        slave_drive: SlaveDriveName | ForceSlave = "velocity",
     ) -> None:
         self.sim = SimulatedRig(
             CUBES["soft"],

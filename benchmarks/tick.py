@@ -169,7 +169,7 @@ def measure(case: str, seconds: float, rig: str) -> Durations:
             path = Path(folder) / f"{stages}.mcap" if case != "virtual" else None
             if rig:
                 time.sleep(RETURN)
-            trial = run_trial(settings, path, real="try" if path else "off")
+            trial = run_trial(settings, path, real="try" if path else "off", arm=True)
             if trial.fault:
                 raise SystemExit(f"{case}: stopped: {trial.fault['text']}")
     plain, staged = (probes.durations for probes in found)

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
@@ -24,8 +24,16 @@ NOTICEABLE = 1e-4
 """Generated energy that is not reported, because it can be caused by sensor noise [J]."""
 GENERATED = 0.03
 """Largest ratio of the generated energy to the energy that passes through the coupling."""
+GENERATED_BY_LOOP = 0.4
+"""The same for a velocity loop, which must be stable, but not passive. Loops that are tuned for
+three times the true mass exceed it. Loops for the true mass do not, in contact with a soft body."""
+LATE = 1.5
+"""Time between two measurements, in multiples of the usual time, that counts as an interruption."""
 MOST_STRETCH = 2.0
 """Largest stretch of a coupling, in multiples of that at the greatest force of the drive."""
+DRIVE_LATENCY = 1
+"""Latency of a drive that closes the coupling itself, in periods of the drive. A force acts in the
+period after the measurement."""
 FREQUENCIES = 2000
 """Number of frequencies at which the condition of passivity is evaluated."""
 
@@ -52,6 +60,11 @@ class CouplingParameters:
     """Number n of whole periods from a measurement to the force that is computed from it."""
     friction: float = 0.0
     """Viscous damping b of the moving part itself [N s/m]."""
+    drive_period: float | None = None
+    """Period of a drive that closes the coupling itself [s]; None if the host closes it."""
+    at_hand: bool = True
+    """Whether a hand holds the moving part, so that the coupling must be passive. A velocity loop
+    must only be stable."""
 
     def __post_init__(self) -> None:
         for name in ("stiffness", "bandwidth", "max_force"):
@@ -71,14 +84,16 @@ class CouplingParameters:
         Parameters
         ----------
         period
-            Period T of the control loop [s].
+            Period of the control loop [s]. It is T if the host closes the coupling. Otherwise, T is
+            the period of the drive, and n is `DRIVE_LATENCY`.
         """
+        period, latency = self._closed_with(period)
         # The supremum at zero frequency is a limit. The first frequency approaches it to 1e-6.
         angle = np.linspace(1e-3, math.pi, FREQUENCIES)
         delayed = np.exp(-1j * angle)
         decay = math.exp(-2.0 * math.pi * self.bandwidth * period)
         velocity = (1.0 - delayed) / period * (1.0 - decay) / (1.0 - decay * delayed)
-        impedance = (self.stiffness + self.damping * velocity) * delayed**self.latency
+        impedance = (self.stiffness + self.damping * velocity) * delayed**latency
         real = ((1.0 - delayed) * impedance).real
         return float(np.max(0.5 * period * real / (1.0 - np.cos(angle))))
 
@@ -88,17 +103,22 @@ class CouplingParameters:
         The needed damping of the moving part is linear in the gains, but its maximum over the
         frequency is not. The limit is therefore found by bisection.
         """
-        low, high = 0.0, 2.0 * self.friction / (period * (self.latency + 0.5))
+        own, latency = self._closed_with(period)
+        low, high = 0.0, 2.0 * self.friction / (own * (latency + 0.5))
         for _ in range(50):
             middle = 0.5 * (low + high)
-            trial = CouplingParameters(
-                max(middle, 1e-9), self.damping, self.bandwidth, math.inf, self.latency
-            )
+            trial = replace(self, stiffness=max(middle, 1e-9))
             if trial.needed_friction(period) <= self.friction:
                 low = middle
             else:
                 high = middle
         return low
+
+    def _closed_with(self, period: float) -> tuple[float, int]:
+        """Return the period [s] with which the coupling is closed, and its latency in periods."""
+        if self.drive_period is None:
+            return period, self.latency
+        return self.drive_period, DRIVE_LATENCY
 
     def energy(self, stretch: float) -> float:
         """Return the energy that the spring stores at a stretch [m], with its limited force [J]."""
@@ -115,11 +135,14 @@ class CouplingParameters:
         needed = self.needed_friction(period)
         if needed <= self.friction:
             return ""
+        own, latency = self._closed_with(period)
+        closed = f"{latency} periods of latency at {1.0 / own:g} Hz"
+        if self.drive_period is not None:
+            closed += " in the drive, which closes the coupling (drive_rate_hz),"
         return (
             f"{self.stiffness:g} N/m: expected at most {math.floor(self.largest_stiffness(period))}"
-            f" N/m with a coupling damping of {self.damping:g} N s/m, {self.latency} periods of "
-            f"latency at {1.0 / period:g} Hz and a friction of the handle of {self.friction:g} "
-            f"N s/m, or a friction of at least {needed:.3g} N s/m"
+            f" N/m with a coupling damping of {self.damping:g} N s/m, {closed} and a friction of "
+            f"the handle of {self.friction:g} N s/m, or a friction of at least {needed:.3g} N s/m"
         )
 
 
@@ -155,6 +178,10 @@ class VirtualCoupling:
         self._longest_step = longest_step
         self._rate = 2.0 * math.pi * parameters.bandwidth
         self._forces: deque[float] = deque(maxlen=parameters.latency + 1)
+        self._usual = math.nan
+        """Usual time between two measurements [s]."""
+        self._unsure = 0
+        """Number of intervals for which the energy is not known, after an interruption."""
         self._time = math.nan
         self.proxy = self.position = math.nan
         self.force = self.speed = self.velocity = 0.0
@@ -196,7 +223,8 @@ class VirtualCoupling:
         stretch = last - self.proxy
         self.proxy += step
         new = position - self.proxy
-        self._balance(moved, step, p.energy(new) - p.energy(stretch), dt)
+        if self._is_regular(dt):
+            self._balance(moved, step, p.energy(new) - p.energy(stretch), dt)
         force = p.stiffness * new + p.damping * (self.speed - self.velocity)
         self.force = min(max(force, -p.max_force), p.max_force)
         self._forces.append(self.force)
@@ -207,6 +235,18 @@ class VirtualCoupling:
                 "than the motor can, or the handle is released or blocked"
             )
         return self.force
+
+    def _is_regular(self, dt: float) -> bool:
+        """Return whether the force of the motor in this interval is known.
+
+        During an interruption of the loop, the motor holds its last force. The next samples may
+        also have inaccurate times, so that the intervals until the latency is over do not count.
+        """
+        usual = self._usual if self._usual == self._usual else dt
+        late = dt > LATE * usual
+        self._usual = usual + 0.02 * (dt - usual)
+        self._unsure = self.parameters.latency + 2 if late else max(self._unsure - 1, 0)
+        return not self._unsure
 
     def _balance(self, moved: float, step: float, stored: float, dt: float) -> None:
         """Update the energy that the coupling generates beyond what the moving part dissipates.
@@ -223,10 +263,13 @@ class VirtualCoupling:
         dissipated = p.friction * moved * moved / dt
         self._generated += self.force * step + stored - supplied - dissipated
         self._passed += abs(supplied)
-        if self._generated > NOTICEABLE and self._generated > GENERATED * self._passed:
+        most = GENERATED if p.at_hand else GENERATED_BY_LOOP
+        if self._generated > NOTICEABLE and self._generated > most * self._passed:
             self._fail(
                 "the coupling gives energy to the handle: expected a smaller stiffness of the "
                 "coupling, or the true latency of the drive in the rig file"
+                if p.at_hand
+                else "the velocity loop oscillates: expected the true moving mass and latency"
             )
 
     def _fail(self, reason: str) -> None:
@@ -269,7 +312,13 @@ def loop_gains(
     """Return the gains of a critically damped velocity loop with this bandwidth [Hz]."""
     rate = 2.0 * math.pi * bandwidth
     return CouplingParameters(
-        0.25 * mass * rate**2, mass * rate, 0.25 / period, max_force, latency, friction
+        0.25 * mass * rate**2,
+        mass * rate,
+        0.25 / period,
+        max_force,
+        latency,
+        friction,
+        at_hand=False,
     )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 from pydantic import BaseModel, ConfigDict
@@ -158,6 +158,9 @@ class ImpedanceDrive(Drive):
     """
 
     signal = "position"
+    rate = 1000.0
+    """Rate with which the drive computes the force [Hz], if the rig file does not state it. The
+    manuals of such motors do not state it, so that this rate is an assumption."""
 
     def rounded(self, stiffness: float, damping: float) -> tuple[float, float]:
         """Return the gains that the drive applies in place of the wanted ones.
@@ -516,6 +519,28 @@ class DerivedDevice(Device):
         ------
         RigError
             There is no device with the needed signals.
+        """
+
+
+class LibraryDevice(Device):
+    """A device that a library of its vendor accesses, and which has no bus in the rig file.
+
+    The method `update` reads the device, and `transmit` commands it.
+    """
+
+    @abstractmethod
+    def start(self, now: Callable[[], float]) -> None:
+        """Open the device. This method may wait. `stop` closes the device.
+
+        Parameters
+        ----------
+        now
+            Returns the time on the controller's clock [s].
+
+        Raises
+        ------
+        RigError
+            The device cannot be opened, or does not match its settings in the rig file.
         """
 
 

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
-from functools import cache
+from dataclasses import dataclass, field, replace
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
 
@@ -78,6 +78,28 @@ class RigFile:
             name: device_class(settings.kind)(name, settings)
             for name, settings in self.devices.items()
         }
+
+    def coupling(self, axis: str, period: float) -> CouplingParameters | None:
+        """Return the coupling of the drive of an axis (`master`, `slave`); None if it has none.
+
+        `period` is the period of the control loop [s].
+        """
+        settings = getattr(self.sections.drives, axis)
+        coupling = settings and coupling_of(settings, period)
+        if coupling and (rate := self._drive_rates.get(axis)):
+            coupling = replace(coupling, drive_period=1.0 / rate)
+        return coupling
+
+    @cached_property
+    def _drive_rates(self) -> dict[str, float]:
+        """Rate of each drive that closes its coupling itself [Hz], by its axis."""
+        devices, rates = self.make_devices(), {}
+        for axis, settings in self.sections.drives.items():
+            device = devices[settings.device]
+            drive = device.drives[sole_drive(device, settings.drive)]
+            if isinstance(drive, ImpedanceDrive):
+                rates[axis] = settings.drive_rate_hz or drive.rate
+        return rates
 
 
 def read_rig_file(path: Path) -> RigFile:
@@ -303,6 +325,8 @@ FOR_FORCES = (
     "friction_ns_per_m",
     "moving_mass_kg",
     "latency_ticks",
+    "drive_rate_hz",
+    "handle_mass_kg",
 )
 """Keys of a drive that accepts forces or closes a coupling itself."""
 
@@ -332,10 +356,16 @@ def axis_problems(name: str, rig: RigFile, devices: Mapping[str, Device]) -> Ite
         )
     elif rig.sections.channels.position_of(name) is None:
         yield f": expected the channel {name}_position, because the drive accepts forces"
-    elif coupling and isinstance(drive, ImpedanceDrive):
-        yield from rounding_problems(drive, coupling)
-    elif settings.stiffness_n_per_m is not None and coupling and (bad := coupling.problem(period)):
-        yield f".stiffness_n_per_m: {bad}"
+    elif settings.drive_rate_hz and not isinstance(drive, ImpedanceDrive):
+        yield ".drive_rate_hz: the host closes the coupling of this drive: expected no such key"
+    elif coupling:
+        if isinstance(drive, ImpedanceDrive):
+            coupling = replace(coupling, drive_period=1.0 / (settings.drive_rate_hz or drive.rate))
+            yield from rounding_problems(drive, coupling)
+        if settings.stiffness_n_per_m is not None and (bad := coupling.problem(period)):
+            yield f".stiffness_n_per_m: {bad}"
+    if name == "slave" and settings.handle_mass_kg and isinstance(drive, ForceDrive):
+        yield ".handle_mass_kg: the slave has no handle: expected it in drives.master"
     if drive.signal and drive.signal not in device.signals():
         yield f".device: expected a signal {drive.signal} of the device {device.name}"
 

@@ -227,6 +227,11 @@ class DriveSettings(Section):
     """Damping of the virtual coupling."""
     friction_ns_per_m: NonNegative = 0.0
     """Viscous damping of the moving part itself."""
+    handle_mass_kg: Positive | None = None
+    """Moving mass of a force-commanded handle, for the observer of the force of the hand."""
+    drive_rate_hz: Annotated[FiniteFloat, Field(ge=50, le=1e6)] | None = None
+    """Rate with which a drive that closes the coupling itself computes its force. Default: that of
+    the class of the drive."""
     moving_mass_kg: Positive | None = None
     """Moving mass. If it is given in place of the stiffness, a drive that accepts forces follows
     its velocity in a loop for this mass."""

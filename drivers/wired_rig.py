@@ -12,6 +12,7 @@ from drivers.device import (
     DerivedDevice,
     Device,
     Drive,
+    LibraryDevice,
     Sample,
     SharedSerialDevice,
     sole_drive,
@@ -29,7 +30,7 @@ from drivers.rig import (
     RigError,
 )
 from drivers.rig_file import RigFile
-from drivers.rig_sections import CanSettings, DriveSettings, TcpSettings, UdpSettings, coupling_of
+from drivers.rig_sections import CanSettings, DriveSettings, TcpSettings, UdpSettings
 from drivers.transports.bus import Bus
 from drivers.transports.can_bus import CanBus
 from drivers.transports.datagram_port import DatagramPort
@@ -77,10 +78,14 @@ class WiredDrive(NamedTuple):
 
 
 class WiredRig(Rig):
-    """A telemanipulator that consists of real devices."""
+    """A telemanipulator that consists of real devices.
 
-    def __init__(self, file: RigFile, now: Callable[[], float]) -> None:
+    `rate` is the rate of the control loop [Hz]; default: that of the rig file.
+    """
+
+    def __init__(self, file: RigFile, now: Callable[[], float], rate: float | None = None) -> None:
         self.file = file
+        self._period = 1.0 / (rate or file.sections.rate_hz)
         self.devices = file.make_devices()
         self.buses = {name: make_bus(name, file, now) for name in file.sections.buses}
         for name in {d.settings.bus for d in self.devices.values() if is_shared(d)}:
@@ -130,7 +135,7 @@ class WiredRig(Rig):
             drive,
             settings.sign,
             reading,
-            coupling_of(settings, 1.0 / sections.rate_hz),
+            self.file.coupling(name, self._period),
             limits.rest_velocity_mm_per_s * 1e-3,
             FASTEST * settings.max_velocity_mm_per_s * 1e-3,
             position.max_age_ms * 1e-3 if position else 0.0,
@@ -177,6 +182,8 @@ class WiredRig(Rig):
                 own.start(device)
             elif isinstance(device, DerivedDevice):
                 device.start(self.devices)
+            elif isinstance(device, LibraryDevice):
+                device.start(self._now)
         end = self._now() + FIRST_SAMPLES
         while silent := [name for name, value in self._values().items() if math.isnan(value)]:
             if self._now() > end:

@@ -21,6 +21,7 @@ from sim_backend.plant import Arm, Intention, Plant, PlantParameters
 from sim_backend.pointer import PointerOperator
 from sim_backend.sensors import Sensors
 from sim_backend.simulated_rig import SimulatedRig
+from sim_backend.slave_drives import ForceSlave
 from sim_backend.transmission import RIGID, Transmission
 
 __all__ = [
@@ -40,6 +41,7 @@ __all__ = [
     "FaultyRig",
     "ForceMaster",
     "ForcePalpation",
+    "ForceSlave",
     "FreePalpation",
     "Intention",
     "Law",

@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 from drivers.axes import CoupledAxis
 from drivers.coupling import CouplingParameters, VirtualCoupling
@@ -17,6 +18,8 @@ from drivers.device import ForceDrive
 
 if TYPE_CHECKING:
     from sim_backend.plant import Arm, Intention
+
+Parsed = TypeVar("Parsed")
 
 STEPS = 4
 """Integration steps per millisecond. The fastest pole is that of a light handle in a stiff hand."""
@@ -68,8 +71,17 @@ class ForceMaster:
         )
 
 
-def parse_force_master(text: str) -> ForceMaster:
-    """Return the master in a text such as `stiffness=500,latency=2`; `default` has no values.
+def parse_values(what: str, kind: Callable[..., Parsed], text: str) -> Parsed:
+    """Return a master or slave from a text such as `max_force=9,latency=2`, or `default`.
+
+    Parameters
+    ----------
+    what
+        Name of the object, for error messages.
+    kind
+        Class of the object, whose fields are numbers.
+    text
+        Values by the name of the field. The text `default` has no values.
 
     Raises
     ------
@@ -77,8 +89,8 @@ def parse_force_master(text: str) -> ForceMaster:
         A name is unknown or given twice, or a value is no number or out of range.
     """
     if text.strip() == "default":
-        return ForceMaster()
-    types = {field.name: int if field.name == "latency" else float for field in fields(ForceMaster)}
+        return kind()
+    types = {field.name: int if field.name == "latency" else float for field in fields(kind)}  # type: ignore[arg-type]
     values: dict[str, Any] = {}
     for part in text.split(","):
         name, equals, given = (piece.strip() for piece in part.partition("="))
@@ -88,10 +100,10 @@ def parse_force_master(text: str) -> ForceMaster:
             values[name] = types[name](given)
         except (KeyError, ValueError):
             raise ValueError(
-                f"force master {text!r}: {part.strip()!r}: expected default, or values in SI units "
-                f"such as stiffness=500,latency=2, each once, with {', '.join(types)}"
+                f"{what} {text!r}: {part.strip()!r}: expected default, or values in SI units "
+                f"such as max_force=12,latency=2, each once, with {', '.join(types)}"
             ) from None
-    return ForceMaster(**values)
+    return kind(**values)
 
 
 class FreeHandle:

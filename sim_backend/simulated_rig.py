@@ -14,7 +14,7 @@ from sim_backend.force_master import ForceMaster, FreeHandle, make_axis
 from sim_backend.operators import ARM, Hand
 from sim_backend.plant import UNATTENDED, Arm, Plant, PlantParameters
 from sim_backend.sensors import Sensors
-from sim_backend.slave_drives import SlaveDriveName, SlaveServo, make_slave_axis
+from sim_backend.slave_drives import ForceSlave, SlaveDriveName, SlaveServo, make_slave_axis
 
 FRESH = Ages(*(0.0 for _ in CHANNELS))
 MOST_MASTER_SPEED = 1.0
@@ -61,7 +61,8 @@ class SimulatedRig(Rig):
         Whether the rig closes this coupling. If not, `plant.handle.push` is the force of the motor,
         and the force of the hand is measured.
     slave_drive
-        What the drive of the slave accepts: `velocity`, `force` or `position`.
+        What the drive of the slave accepts: `velocity` or `position`, or a slave that accepts
+        forces.
     period
         Period of the control loop [s], for which a drive that accepts forces is tuned.
 
@@ -85,7 +86,7 @@ class SimulatedRig(Rig):
         arm: Arm = ARM,
         master: ForceMaster | None = None,
         coupled: bool = True,
-        slave_drive: SlaveDriveName = "velocity",
+        slave_drive: SlaveDriveName | ForceSlave = "velocity",
         period: float = 1e-3,
     ) -> None:
         for name, value in (("max_velocity", max_velocity), ("watchdog", watchdog)):
@@ -100,8 +101,7 @@ class SimulatedRig(Rig):
         self.plant.slave.move_to(start, 0.0)
         if operator:
             operator.handle = self.plant.handle
-        parameters = parameters or PlantParameters()
-        self._slave_axis = make_slave_axis(slave_drive, self.plant.slave, parameters, period)
+        self._slave_axis = make_slave_axis(slave_drive, self.plant.slave, period)
         self._now = now
         self._operator = operator
         self._sensors = sensors or Sensors()

@@ -46,8 +46,12 @@ class Haply(SerialDevice, ForceDrive):
     answers each message, in the order of the messages, with the state of the device. Each message
     sets the force. Out of operation, the force is 0. A stop is confirmed when a message with the
     force 0 was answered, and with it all messages before it.
+
+    Without messages, the service returns the device to idle. It does not report this.
     """
 
+    silent_without_commands = True
+    reports_watchdog = False
     Settings = HaplySettings
     settings: HaplySettings
 
@@ -70,7 +74,7 @@ class Haply(SerialDevice, ForceDrive):
         self._wanted = self._transmitted = False
         self._force = 0.0
         self._heard = -math.inf
-        """Time of the latest answer [s]."""
+        """Time of the latest answer, or of the first message that waits for one [s]."""
 
     def signals(self) -> dict[str, str]:
         """Return the unit of each signal."""
@@ -176,7 +180,8 @@ class Haply(SerialDevice, ForceDrive):
     def update(self, now: float) -> None:
         """Detect missing answers. If no force was sent since the last tick, request the state."""
         silent = now - self._heard
-        if self._wanted and not self.error and silent > self._timeout:
+        waits = self._sent > self._answered_messages
+        if self._wanted and waits and not self.error and silent > self._timeout:
             self.error = f"no answer for {silent * 1e3:.0f} ms"
         if not self._transmitted and not self._wanted:
             self._send(0.0)
@@ -228,6 +233,9 @@ class Haply(SerialDevice, ForceDrive):
         if self._sent - self._answered_messages >= MOST_OPEN and not must:
             return
         self._transmitted = True
+        if self._sent == self._answered_messages:
+            assert self._port
+            self._heard = self._port.now()
         self._sent += 1
         message = codec.command(self.settings.device_id, self.settings.axis, force)
         self._protocol.send_text(message.encode())

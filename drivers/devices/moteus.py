@@ -41,7 +41,7 @@ class MoteusSettings(DeviceSettings):
     bus: str
     node: Annotated[int, Field(ge=1, le=127)]
     """The configured `id.id`."""
-    control: Literal["velocity", "torque"]
+    mode: Literal["velocity", "torque"]
     travel_mm_per_turn: Annotated[FiniteFloat, Field(gt=0)]
     """Displacement per turn of the output shaft [mm]."""
     max_velocity_mm_per_s: Annotated[FiniteFloat, Field(gt=0)]
@@ -61,8 +61,8 @@ class Moteus(CanDevice):
     torque: 2 pi (torque) / (travel per turn). The controller only answers requests. Each command
     also requests the signals. Without commands, the signals are requested once per tick.
 
-    The device has one drive, `axis`. With `control = "velocity"`, it accepts velocities, and with
-    `control = "torque"`, it accepts forces. Every command contains the watchdog time. A controller
+    The device has one drive, `axis`. With `mode = "velocity"`, it accepts velocities, and with
+    `mode = "torque"`, it accepts forces. Every command contains the watchdog time. A controller
     whose watchdog has expired accepts no command before it was stopped. A stop is confirmed only by
     the reply to the request: it contains a register that no other request reads.
     """
@@ -73,7 +73,7 @@ class Moteus(CanDevice):
 
     def __init__(self, name: str, settings: MoteusSettings) -> None:
         super().__init__(name, settings)
-        kind = MoteusVelocity if settings.control == "velocity" else MoteusForce
+        kind = MoteusVelocity if settings.mode == "velocity" else MoteusForce
         self.axis: MoteusVelocity | MoteusForce = kind(self)
         self.drives = {"axis": self.axis}
         self.travel = settings.travel_mm_per_turn * 1e-3

@@ -14,6 +14,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import NamedTuple, Self
 
+from drivers.device import LibraryDevice
+from drivers.registry import device_class
 from drivers.rig_file import RigFile
 from drivers.rig_sections import CanSettings, TcpSettings, UdpSettings
 from sim_backend.wire.can_wires import InterfaceWire, SlcanWire
@@ -78,6 +80,11 @@ class Emulator:
         found = []
         for name, settings in self.file.devices.items():
             if not hasattr(settings, "bus"):
+                if issubclass(device_class(settings.kind), LibraryDevice):
+                    raise ValueError(
+                        f"devices.{name}: {settings.kind}: a library of the vendor accesses it: "
+                        "expected devices with a bus, which can be emulated"
+                    )
                 continue
             try:
                 kind = emulated_class(settings.kind)

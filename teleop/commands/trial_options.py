@@ -88,6 +88,9 @@ class TrialOptions:
     """Force-commanded master of the simulated rig, as most haptic devices are: the word default, or
     values in SI units such as stiffness=500,latency=2,max_force=12. Default: a velocity-commanded
     master with a force sensor."""
+    force_slave: Annotated[str | None, Parameter(group=CONTROL)] = None
+    """Force-commanded slave of the simulated rig: the word default, or values in SI units such as
+    latency=2,max_force=300. Default: a velocity-commanded slave."""
 
     def settings(self, others: Mapping[str, Any]) -> TrialSettings:
         """The settings of the trial, changed by these options and by `others`, all at once.
@@ -95,7 +98,8 @@ class TrialOptions:
         Settings are checked together when they are created, so that a valid combination of changes
         must not pass through an invalid one.
         """
-        from sim_backend.force_master import parse_force_master
+        from sim_backend.force_master import ForceMaster, parse_values
+        from sim_backend.slave_drives import ForceSlave
         from teleop.control.channel import parse_channel
         from teleop.control.conditions import CONDITIONS
         from teleop.control.tare import read_tare
@@ -128,9 +132,11 @@ class TrialOptions:
         if self.channel:
             with as_input_error():
                 given["channel"] = parse_channel(self.channel)
-        if self.force_master:
-            with as_input_error():
-                given["force_master"] = parse_force_master(self.force_master)
+        with as_input_error():
+            if self.force_master:
+                given["force_master"] = parse_values("force master", ForceMaster, self.force_master)
+            if self.force_slave:
+                given["force_slave"] = parse_values("force slave", ForceSlave, self.force_slave)
         if self.tare:
             given["tare"] = read_tare(self.tare)
         for name in ("config", "frequency"):  # no settings

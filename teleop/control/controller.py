@@ -13,6 +13,7 @@ from teleop.control.clock import Tick
 from teleop.control.conditions import Condition
 from teleop.control.estimates import Estimation
 from teleop.control.failures import failure
+from teleop.control.hand_observer import HandObserver
 from teleop.control.link import Link
 from teleop.control.rig_values import command_of, measurement_of
 from teleop.control.tare import NO_TARE, Tare
@@ -46,7 +47,8 @@ class Controller:
     exception is a KeyboardInterrupt, or it occurs while the first measurement is read.
 
     `period` is the nominal time between ticks [s], and the time step of the first tick. `stopwatch`
-    returns a time [s], to measure the durations of parts of a tick.
+    returns a time [s], to measure the durations of parts of a tick. `observer` estimates the force
+    of the hand for the recording.
     """
 
     def __init__(
@@ -59,6 +61,7 @@ class Controller:
         limits: Limits,
         tare: Tare = NO_TARE,
         stopwatch: Callable[[], float] = time.perf_counter,
+        observer: HandObserver | None = None,
     ) -> None:
         self._rig = rig
         self._condition = condition
@@ -68,6 +71,7 @@ class Controller:
         self._limits = limits
         self._tare = tare
         self._stopwatch = stopwatch
+        self._observer = observer
         self._alignment = Alignment()
         self._supervision = Supervision()
         self._measurement: Measurement | None = None
@@ -168,6 +172,7 @@ class Controller:
             timing,
             events,
             self._link.values,
+            self._observer.update(measurement) if self._observer else math.nan,
         )
         return new_tuple(Record, values)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 from drivers import Command, Measurement
@@ -58,3 +59,6 @@ class Record(NamedTuple):
     link: tuple[float, ...] = ()
     """Values of the communication channel and of the force feedback (see
     `teleop.control.bilateral`); empty if there is neither."""
+    observed_hand_force: float = math.nan
+    """Force of the hand that an observer estimates from the motion of the handle [N]; NaN if there
+    is no observer. The controller does not use it."""

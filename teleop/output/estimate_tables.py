@@ -209,6 +209,11 @@ def print_estimated(console: Console, summary: Mapping[str, Any]) -> None:
         console.print(f"  {name}: estimated by an observer, not measured", style="yellow")
     if (source := summary.get("hand_force", FORCE_SENSOR)) != FORCE_SENSOR:
         console.print(f"  force of the hand: {source}")
+    if observer := summary.get("observer"):
+        console.print(
+            f"  observer of the hand: differs by {observer['rms_difference_n']:.2g} N rms from the "
+            f"coupling ({observer['rms_coupling_n']:.2g} N rms); not used by the controller"
+        )
 
 
 def print_reading(console: Console, summary: Mapping[str, Any]) -> None:

@@ -47,6 +47,7 @@ from teleop.output.trial_figures import (
 )
 from teleop.output.trial_tables import felt_lines, tracking_lines
 from teleop.output.web_page import svg, web_page
+from teleop.recording.columns import OBSERVED
 from teleop.recording.gaps import missing_text
 from teleop.recording.message import BEGIN
 from teleop.recording.recording import Recording, stated_settings
@@ -161,6 +162,8 @@ def facts(recording: Recording, motion: Mapping[str, str]) -> Iterator[tuple[str
     yield "rig", session.get("rig", "not known")
     if source := session.get("hand_force"):
         yield "force of the hand", source
+    if observer := session.get("hand_observer"):
+        yield f"observer of the hand ({OBSERVED})", observer
     for name in STATED:
         value = settings.get(name)
         if name.endswith("_s") and value is not None:
@@ -267,7 +270,7 @@ SETTING_UNITS = {
     "m/s": ("max_velocity", "max_master_velocity", "rest_velocity"),
     "m/s^2": ("max_acceleration", "max_master_acceleration"),
     "m/N": ("drive_compliance", "compliance"),
-    "N": ("soft_force", "hard_force", "rest_master_force", "force_noise"),
+    "N": ("soft_force", "hard_force", "rest_master_force", "force_noise", "max_force"),
     "s": ("preflight", "start_ramp", "max_gap", "max_age", "frozen_time", "force_lag"),
     "kg": ("mass",),
     "N s/m": ("damping",),

@@ -135,6 +135,13 @@ FEEDBACK_COLUMNS = (
 )
 """Additional columns of a trial with force feedback or a communication channel: the fields of
 `teleop.control.bilateral.LinkValues`."""
+OBSERVED = "observed_hand_force"
+OBSERVER = Column(
+    OBSERVED,
+    "N",
+    "force of the hand by an observer, from the motion of the handle; not in the loop",
+)
+"""Additional column of a trial with a force-commanded master whose moving mass is known."""
 POINTER = (
     Column(
         "pointer_depth",
@@ -159,6 +166,8 @@ class Layout:
         `FEEDBACK_COLUMNS` in a trial with a communication channel or with force feedback.
     pointer
         Simulated operator whose hand follows the pointer of the live page.
+    observer
+        Whether an observer estimates the force of the hand.
 
     Attributes
     ----------
@@ -179,9 +188,10 @@ class Layout:
         bank: Mapping[str, Estimator],
         link: Sequence[Column] = (),
         pointer: PointerOperator | None = None,
+        observer: bool = False,
     ) -> None:
         self.estimators = tuple(bank)
-        self._pointer = pointer
+        self._pointer, self._observer = pointer, observer
         regressors_of = (e.model.further_regressors for e in bank.values())
         model = max(regressors_of, key=len, default=())
         regressors = (
@@ -190,7 +200,8 @@ class Layout:
         )
         of_estimators = (*regressors, *estimate_columns(bank), *misfit_columns(bank))
         self.of_estimators = tuple(column.name for column in of_estimators)
-        self.columns = (*COLUMNS, DROPPED, *of_estimators, *link, *(POINTER if pointer else ()))
+        extra = (*(POINTER if pointer else ()), *((OBSERVER,) if observer else ()))
+        self.columns = (*COLUMNS, DROPPED, *of_estimators, *link, *extra)
         self._of_link = attrgetter(*(f"link.{c.name}" for c in link)) if link else no_values
         self._struct = packer(self.columns)
         self.size = self._struct.size
@@ -202,6 +213,8 @@ class Layout:
         further: tuple[float, ...] = ()
         if pointer := self._pointer:
             further = pointer.depth, pointer.grip, record.measurement.time
+        if self._observer:
+            further = (*further, record.observed_hand_force)
         return self._struct.pack(
             CDR,
             *values_of(record),

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from drivers.rig_file import RigFile
-from drivers.rig_sections import AnyBusSettings, CanSettings, UdpSettings, coupling_of
+from drivers.rig_sections import AnyBusSettings, CanSettings, UdpSettings
 from sim_backend import CUBES, AttentiveOperator, ForceMaster, MimickedSine
 from sim_backend.wire.emulator import ACTIONS, Emulator, PlannedFault
 from sim_backend.wire.mechanism import NEVER
@@ -214,11 +214,11 @@ def emulated_master(rig: RigFile) -> ForceMaster | None:
     Its coupling is closed by the host and not by the emulator.
     """
     master = rig.sections.drives.master
-    if not master or not coupling_of(master, 1.0 / rig.sections.rate_hz):
+    if not master or not rig.coupling("master", 1.0 / rig.sections.rate_hz):
         return None
     return ForceMaster(
         stiffness=1.0,
-        mass=master.moving_mass_kg or ForceMaster.mass,
+        mass=master.handle_mass_kg or ForceMaster.mass,
         friction=max(master.friction_ns_per_m, LEAST_FRICTION),
         latency=0,
         max_force=master.max_force_n or ForceMaster.max_force,

@@ -94,6 +94,7 @@ def problems_of_rig(settings: TrialSettings) -> Iterator[str]:
         )
     yield from settings.feedback.problems(settings.condition, settings.rig)
     yield from problems_of_handle(settings)
+    yield from problems_of_slave(settings)
     if settings.rig and settings.clock != "real":
         yield "clock virtual: a hardware rig runs in real time: expected real"
     try:
@@ -128,6 +129,13 @@ def problems_of_rig(settings: TrialSettings) -> Iterator[str]:
             f"{coupling.max_force:g} N: expected a gain of at most "
             f"{coupling.max_force / limits.soft_force:.2g}"
         )
+    loop = settings.slave_coupling
+    if loop and limits.soft_force > loop.max_force:
+        where = "drives.slave.max_force_n" if settings.rig else "force_slave.max_force"
+        yield (
+            f"{where} {loop.max_force:g} N: expected at least the soft force limit of "
+            f"{limits.soft_force:.3g} N, so that the slave can withstand the contact force"
+        )
     try:
         limits.shifted(settings.tare.zeros)
     except ValueError as error:
@@ -149,3 +157,14 @@ def problems_of_handle(settings: TrialSettings) -> Iterator[str]:
         yield "force_master: belongs to the simulated rig: expected [drives.master] in the rig file"
     if coupling and (problem := coupling.problem(1.0 / settings.loop_rate)):
         yield f"stiffness of the coupling of the master: {problem}"
+
+
+def problems_of_slave(settings: TrialSettings) -> Iterator[str]:
+    """Yield a message if the force-commanded slave of the simulated rig is not stable."""
+    slave = settings.force_slave
+    if slave and settings.rig:
+        yield "force_slave: belongs to the simulated rig: expected [drives.slave] in the rig file"
+    elif slave:
+        mass, period = settings.plant_parameters.slave_mass, 1.0 / settings.loop_rate
+        if problem := slave.problem(mass, period):
+            yield f"force_slave.{problem}"

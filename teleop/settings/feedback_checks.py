@@ -125,6 +125,10 @@ def unknown_values(settings: TrialSettings) -> list[str]:
         unknown.append("feedback.stiffness, the largest stiffness of the specimen")
     if not sensor_lag(settings):
         unknown.append("the lag of the contact force, force_lag or lag_ms in the rig file")
+    slave = settings.rig.sections.drives.slave
+    # The velocity loop of a slave that accepts forces is computed here, and so is known.
+    if "lag_ms" not in slave.model_fields_set and slave.moving_mass_kg is None:
+        unknown.append("the lag of the slave's drive, lag_ms of drives.slave in the rig file")
     return unknown
 
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
+from drivers.registry import RIGS, offered
 from drivers.rig_file import RigFile, RigFileError, read_rig_file
 from teleop.errors import InputError
 from teleop.files import unreadable
@@ -20,6 +22,13 @@ def load_rig_file(path: Path) -> RigFile:
     """
     try:
         rig_file = read_rig_file(path)
+    except FileNotFoundError as error:
+        if path.name in offered(RIGS, tuple(sys.path)).names:
+            raise InputError(
+                f"rig {path.name!r}: a rig class of an installed package: expected a rig file "
+                "(TOML); only teleop run runs on a rig class"
+            ) from error
+        raise unreadable(path, error) from error
     except OSError as error:
         raise unreadable(path, error) from error
     except RigFileError as error:

@@ -24,7 +24,6 @@ from pydantic.fields import FieldInfo
 
 from drivers.coupling import CouplingParameters
 from drivers.rig_file import RigFile
-from drivers.rig_sections import coupling_of
 from estimation import Preset, paper_preset
 from estimation.conditioning import BANDWIDTH, Conditioner, make_conditioner
 from estimation.method_settings import OwnSettings
@@ -37,6 +36,7 @@ from sim_backend import (
     FORCE_LAG,
     TRANSMISSION,
     ForceMaster,
+    ForceSlave,
     OperatorModel,
     PlantParameters,
     Sensors,
@@ -49,6 +49,7 @@ from teleop.control.conditions import CONDITIONS, Condition, IntendedMotion
 from teleop.control.coupling import Coupling
 from teleop.control.excitation_signals import AnySignal, Sine
 from teleop.control.feedback.settings import FeedbackSettings
+from teleop.control.hand_observer import HandObserver
 from teleop.control.tare import NO_TARE, Tare
 from teleop.control.target import Target
 from teleop.names import (
@@ -169,6 +170,9 @@ class TrialSettings:
     force_master: ForceMaster | None = None
     """Force-commanded master of the simulated rig, with its virtual coupling. Default: a
     velocity-commanded master with a force sensor in the handle."""
+    force_slave: ForceSlave | None = None
+    """Force-commanded slave of the simulated rig, whose velocity loop the host closes. Default: a
+    velocity-commanded slave."""
     tare: Annotated[Tare, BeforeValidator(tare_of, str | Tare)] = NO_TARE
     """Zero offsets of force and position, which are subtracted from the measurements."""
     rig: Annotated[RigFile | None, BeforeValidator(rig_of, str | dict[str, str])] = None
@@ -283,9 +287,16 @@ class TrialSettings:
     def master_coupling(self) -> CouplingParameters | None:
         """Virtual coupling of a force-commanded master; None for a velocity-commanded one."""
         if self.rig:
-            master = self.rig.sections.drives.master
-            return coupling_of(master, 1.0 / self.loop_rate) if master else None
+            return self.rig.coupling("master", 1.0 / self.loop_rate)
         return self.force_master.coupling if self.force_master else None
+
+    @property
+    def slave_coupling(self) -> CouplingParameters | None:
+        """Velocity loop of a force-commanded slave; None for another slave."""
+        period = 1.0 / self.loop_rate
+        if self.rig:
+            return self.rig.coupling("slave", period)
+        return self.force_slave.loop(period) if self.force_slave else None
 
     @property
     def hand_force_source(self) -> str:
@@ -296,6 +307,25 @@ class TrialSettings:
         if not measured:
             return NO_HANDLE
         return ISOMETRIC if self.is_isometric else FORCE_SENSOR
+
+    @property
+    def hand_observer(self) -> HandObserver | None:
+        """New observer of the force of the hand; None if the force is measured.
+
+        It is also None if the rig file does not state the mass of the handle.
+        """
+        coupling = self.master_coupling
+        if not coupling or self.hand_force_source != COUPLED:
+            return None
+        master = self.rig and self.rig.sections.drives.master
+        if master and master.handle_mass_kg:
+            return HandObserver(master.handle_mass_kg, coupling.friction, coupling.latency)
+        simulated = self.force_master
+        return (
+            HandObserver(simulated.mass, simulated.friction, simulated.latency)
+            if simulated
+            else None
+        )
 
     @property
     def is_isometric(self) -> bool:
@@ -333,13 +363,13 @@ class TrialSettings:
             return self.custom_limits
         if self.rig:
             return rig_limits(self.rig.sections)
-        setup = self.setup
+        setup, loop = self.setup, self.slave_coupling
         return simulated_rig_limits(
             setup.cube.fast,
             setup.depth,
             self.coupling.scale,
             self.excitation.highest,
-            self.plant_parameters.slave_compliance,
+            1.0 / loop.stiffness if loop else self.plant_parameters.slave_compliance,
             setup.transmission,
             self.force_master,
         )

@@ -64,7 +64,7 @@ def make_rig(
         return make_simulated_rig(settings, now, pointer=pointer)
     from drivers.wired_rig import WiredRig  # imports python-can
 
-    return WiredRig(settings.rig, now)
+    return WiredRig(settings.rig, now, settings.loop_rate)
 
 
 def make_simulated_rig(
@@ -91,6 +91,8 @@ def make_simulated_rig(
         arm=settings.operator_model.arm,
         master=settings.force_master,
         coupled=coupled,
+        slave_drive=settings.force_slave or "velocity",
+        period=1.0 / settings.loop_rate,
     )
 
 
@@ -167,7 +169,8 @@ def make_layout(
 
     A message contains the recorded values of one tick.
     """
-    return Layout(bank, FEEDBACK_COLUMNS if settings.has_link else (), pointer)
+    link = FEEDBACK_COLUMNS if settings.has_link else ()
+    return Layout(bank, link, pointer, settings.hand_observer is not None)
 
 
 def make_controller(
@@ -192,4 +195,5 @@ def make_controller(
         settings.limits,
         settings.tare,
         clock.stopwatch,
+        settings.hand_observer,
     )

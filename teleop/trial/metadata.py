@@ -52,6 +52,7 @@ def session_metadata(settings: TrialSettings) -> dict[str, dict[str, str]]:
             "specimen": settings.palpated,
             **{name: text for name in TEXTS if (text := getattr(settings, name))},
             "hand_force": settings.hand_force_source,
+            **({"hand_observer": observer.text} if (observer := settings.hand_observer) else {}),
             "estimated_channels": ", ".join(estimated_channels(settings)) or "none",
         },
         "settings": {"json": dumps(to_document(settings))},

@@ -7,14 +7,18 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from estimation import Bank, Estimates, Regression
 from estimation.arrays import Floats
 from estimation.presentation import Presented
 from teleop.errors import InputError
+from teleop.recording.columns import OBSERVED
 from teleop.recording.gaps import gap_rows, missing_text
 from teleop.recording.recording import Recording
 from teleop.recording.recording_file import RecordingFile
 from teleop.recording.sinks import Outcome
+from teleop.safety import Mode
 from teleop.safety.events import Fault, time_text
 from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.metadata import estimated_channels
@@ -294,6 +298,25 @@ class Trial(Presented):
         """
         return self.statistics.feedback()
 
+    def observer(self) -> dict[str, float] | None:
+        """Return how the observed force of the hand differs from that of the coupling.
+
+        The result is None if no observer estimates the force of the hand. Both forces are compared
+        while the drives are active.
+        """
+        recording = self.shown.recording
+        if OBSERVED not in recording.columns or self.settings.hand_observer is None:
+            return None
+        part = (recording["mode"] == Mode.ACTIVE) & np.isfinite(recording[OBSERVED])
+        if not np.any(part):
+            return None
+        coupled = recording["master_force"][part]
+        difference = float(np.sqrt(np.mean((recording[OBSERVED][part] - coupled) ** 2)))
+        return {
+            "rms_difference_n": difference,
+            "rms_coupling_n": float(np.sqrt(np.mean(coupled**2))),
+        }
+
     def summary(self) -> dict[str, Any]:
         """Return the results of the trial as a dictionary, which `teleop run --json` prints."""
         settings, found = self.settings, self.statistics
@@ -306,6 +329,7 @@ class Trial(Presented):
             "notes": settings.notes,
             "rig": settings.rig_name,
             "hand_force": settings.hand_force_source,
+            "observer": self.observer(),
             "estimated_channels": list(estimated_channels(settings)),
             "duration_s": settings.duration,
             "actual_duration_s": found.end - (self.armed or {"time": 0.0})["time"]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
 from hypothesis import given, settings
@@ -144,3 +145,21 @@ def test_the_velocity_loop_has_half_of_the_stable_bandwidth(latency):
 def test_values_out_of_range_are_refused_by_name(name, value):
     with pytest.raises(ValueError, match=name):
         CouplingParameters(**{"stiffness": 100.0} | {name: value})
+
+
+@pytest.mark.parametrize("gap", [4e-3, 10e-3])
+def test_an_interruption_of_the_loop_is_not_taken_for_generated_energy(gap):
+    """The sample after the interruption is older than its time of arrival shows."""
+    loop = replace(velocity_loop(3.0, 0.0, 2, PERIOD, 250.0), at_hand=True)  # the tighter check
+    virtual = VirtualCoupling(loop, 0.02)
+    stretch, speed = 30.0 / loop.stiffness, 0.05
+    virtual.measure(0.0, 0.0)
+    virtual.hold()
+    virtual.velocity = speed
+    time = true = 0.0
+    for k in range(1, 300):
+        late = gap if k % 60 == 0 else PERIOD
+        true += late
+        time = true - (0.45 * gap if k % 60 == 0 else 0.0)
+        virtual.measure(speed * true - min(stretch, 0.02 * speed * true), time)
+    assert virtual.error == ""

@@ -76,7 +76,7 @@ def moteus() -> tuple[Device, type[EmulatedDevice]]:
         kind="moteus",
         bus="wire",
         node=2,
-        control="velocity",
+        mode="velocity",
         travel_mm_per_turn=5.0,
         max_velocity_mm_per_s=50.0,
         max_torque_nm=0.5,

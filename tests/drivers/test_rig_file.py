@@ -292,12 +292,61 @@ MIT = (RIGS / "mit-motor.toml").read_text()
         ),
         (
             "friction_ns_per_m = 2\n",
-            "damping_ns_per_m = 0.1\n",
+            "friction_ns_per_m = 2\ndamping_ns_per_m = 0.1\n",
             "drives.master: damping_ns_per_m of 0.1 N s/m: the motor would apply 0 N s/m: expected "
             "a value that it can apply with an error of at most 5%",
         ),
         ("max_force_n = 40\n", "", "drives.master.max_force_n: missing: the drive accepts forces"),
+        (
+            "friction_ns_per_m = 2\n",
+            "friction_ns_per_m = 1\n",
+            "drives.master.stiffness_n_per_m: 977 N/m: expected at most 666 N/m with a coupling "
+            "damping of 0 N s/m, 1 periods of latency at 1000 Hz in the drive, which closes the "
+            "coupling (drive_rate_hz), and a friction of the handle of 1 N s/m, or a friction of "
+            "at least 1.47 N s/m",
+        ),
     ],
 )
 def test_a_coupling_that_the_motor_cannot_close_is_a_problem(tmp_path, old, new, message):
     assert problems(tmp_path, MIT.replace(old, new)) == [message]
+
+
+def test_a_coupling_that_the_drive_closes_is_checked_with_the_rate_of_the_drive(tmp_path):
+    text = MIT.replace(
+        "friction_ns_per_m = 2\n", "friction_ns_per_m = 0.1\ndrive_rate_hz = 20000\n"
+    )
+    rig = read(tmp_path, text)
+    coupling = rig.coupling("master", 0.01)
+    assert coupling.largest_stiffness(0.01) == pytest.approx(0.1 * 20000.0 / 1.5, rel=1e-4)
+    assert coupling.problem(0.01) == ""
+
+
+def test_the_rate_of_a_drive_that_closes_no_coupling_is_a_problem(tmp_path):
+    text = (RIGS / "odrive-torque.toml").read_text()
+    text = text.replace(
+        "stiffness_n_per_m = 700\n", "stiffness_n_per_m = 700\ndrive_rate_hz = 8000\n"
+    )
+    assert problems(tmp_path, text) == [
+        "drives.master.drive_rate_hz: the host closes the coupling of this drive: expected no such "
+        "key"
+    ]
+
+
+def test_the_velocity_loop_of_a_slave_has_the_gains_for_the_rate_of_the_trial():
+    file = read_rig_file(RIGS / "odrive-torque.toml")
+    gains = [
+        axis.coupling.parameters.stiffness
+        for rate in (None, 1000.0, 500.0)
+        for name, axis, _ in WiredRig(file, lambda: 0.0, rate)._coupled
+        if name == "slave"
+    ]
+    assert gains[0] == gains[1]
+    assert gains[2] == pytest.approx(gains[0] / 4.0, rel=1e-4)
+
+
+def test_the_mass_of_a_handle_belongs_to_the_master(tmp_path):
+    text = (RIGS / "odrive-torque.toml").read_text()
+    text = text.replace("moving_mass_kg = 3.0 ", "handle_mass_kg = 0.3\nmoving_mass_kg = 3.0 ")
+    assert problems(tmp_path, text) == [
+        "drives.slave.handle_mass_kg: the slave has no handle: expected it in drives.master"
+    ]

@@ -75,8 +75,8 @@ MOTEUS = {
 DRIVES = {
     "board": (Board, BOARD, EmulatedBoard),
     "cia402": (Cia402, CIA402, EmulatedCia402),
-    "moteus-velocity": (Moteus, MOTEUS | {"control": "velocity"}, EmulatedMoteus),
-    "moteus-torque": (Moteus, MOTEUS | {"control": "torque"}, EmulatedMoteus),
+    "moteus-velocity": (Moteus, MOTEUS | {"mode": "velocity"}, EmulatedMoteus),
+    "moteus-torque": (Moteus, MOTEUS | {"mode": "torque"}, EmulatedMoteus),
     "odrive-0.5": (ODrive, OLD_ODRIVE, EmulatedODrive),
     "odrive-0.6": (ODrive, NEW_ODRIVE, EmulatedODrive),
 }

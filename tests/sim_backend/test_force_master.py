@@ -8,7 +8,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from sim_backend import Arm, ForceMaster, Intention
-from sim_backend.force_master import FreeHandle, SimulatedMotor, parse_force_master
+from sim_backend.force_master import FreeHandle, SimulatedMotor, parse_values
 
 PERIOD = 1e-3
 
@@ -55,11 +55,11 @@ def test_the_motor_acts_after_its_latency_and_stops_at_once():
 
 
 def test_a_text_gives_a_master_and_wrong_texts_are_refused_with_the_names():
-    assert parse_force_master("default") == ForceMaster()
-    found = parse_force_master("stiffness=500, latency=2")
+    assert parse_values("force master", ForceMaster, "default") == ForceMaster()
+    found = parse_values("force master", ForceMaster, "stiffness=500, latency=2")
     assert (found.stiffness, found.latency) == (500.0, 2)
     for text in ("stiffness", "stiff=1", "latency=1.5", "stiffness=1,stiffness=2", ""):
         with pytest.raises(ValueError, match="max_force"):
-            parse_force_master(text)
+            parse_values("force master", ForceMaster, text)
     with pytest.raises(ValueError, match="mass"):
-        parse_force_master("mass=0")
+        parse_values("force master", ForceMaster, "mass=0")

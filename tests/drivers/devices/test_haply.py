@@ -108,6 +108,16 @@ def test_a_force_acts_along_its_axis_only_and_is_limited():
     assert not bench.device.error
 
 
+def test_without_commands_no_answer_is_missing():
+    bench = Bench().start()
+    assert bench.operate(2.0)
+    for _ in range(300):
+        bench.tick()
+    assert bench.device.error == ""
+    assert bench.pushed is None  # the service has returned the device to idle
+    assert bench.operate(2.0)
+
+
 def test_a_stop_is_confirmed_by_the_answer_to_a_message_without_force():
     bench = Bench().start()
     assert bench.operate(2.0)
@@ -127,7 +137,7 @@ def test_a_stop_is_confirmed_by_the_answer_to_a_message_without_force():
 @pytest.mark.parametrize(
     ("change", "error"),
     [
-        (lambda b: setattr(b, "deaf", True), "no answer for 50 ms"),
+        (lambda b: setattr(b, "deaf", True), "no answer for 51 ms"),
         (lambda b: b.service.status.update(power_supply=False), "not power_supply"),
         (lambda b: b.device.receive(b"\x88\x02\x03\xe8", b.time), "the service has closed"),
         (lambda b: b.device.receive(b"\xf1\x00", b.time), "malformed WebSocket frame"),

@@ -24,12 +24,12 @@ class Bench(Mount):
 
     name = "can"
 
-    def __init__(self, control="velocity", node=2, **entries):
+    def __init__(self, mode="velocity", node=2, **entries):
         section = MoteusSettings(
             kind="moteus",
             bus="can",
             node=node,
-            control=control,
+            mode=mode,
             travel_mm_per_turn=5.0,
             max_velocity_mm_per_s=50.0,
             max_torque_nm=0.5,
@@ -137,9 +137,9 @@ def test_a_force_moves_the_motor_and_is_limited():
     assert bench.drive_.command(1e6) == pytest.approx(0.5 / LEVER)
 
 
-@pytest.mark.parametrize("control", ["velocity", "torque"])
-def test_nothing_is_commanded_before_the_controller_operates(control):
-    bench = Bench(control).start()
+@pytest.mark.parametrize("mode", ["velocity", "torque"])
+def test_nothing_is_commanded_before_the_controller_operates(mode):
+    bench = Bench(mode).start()
     for _ in range(6):
         bench.tick()
         if not bench.drive_.enable():

@@ -119,8 +119,16 @@ def test_the_damping_of_the_arm_is_between_that_with_and_without_the_delay_of_th
     assert assumed < measured < new
 
 
+def with_slave(rig, **entries):
+    """The rig with further entries of drives.slave."""
+    drives = rig.sections.drives
+    slave = drives.slave.model_copy(update=entries)
+    drives = drives.model_copy(update={"slave": slave})
+    return replace(rig, sections=rig.sections.model_copy(update={"drives": drives}))
+
+
 def test_on_a_rig_the_stiffness_is_stated_or_there_is_a_warning():
-    rig = load_rig_file(ROOT / "rigs" / "serial-board.toml")
+    rig = with_slave(load_rig_file(ROOT / "rigs" / "serial-board.toml"), lag_ms=0.0)
     unknown = settings("position-force", rig=rig, depth=2e-3, force_lag=1e-3)
     assert "feedback.stiffness" in check_feedback(replace(unknown, operator_model=OperatorModel()))
     stated = replace(unknown, feedback=FeedbackSettings("position-force", stiffness=500.0))
@@ -149,11 +157,16 @@ def test_on_a_rig_a_lag_that_is_not_stated_is_a_warning():
     unknown = replace(settings("position-force", rig=rig, depth=2e-3), feedback=stated)
     assert "lag_ms in the rig file" in check_feedback(unknown)
     assert "feedback.stiffness" not in check_feedback(unknown)
-    assert check_feedback(replace(unknown, force_lag=1e-3)) == ""
+    warning = check_feedback(replace(unknown, force_lag=1e-3))
+    assert warning.endswith(
+        "expected the lag of the slave's drive, lag_ms of drives.slave in the rig file"
+    )
+    known = replace(unknown, force_lag=1e-3, rig=with_slave(rig, lag_ms=2.0))
+    assert check_feedback(known) == ""
 
 
 def test_on_a_rig_the_arm_is_not_assumed_to_damp():
-    rig = load_rig_file(ROOT / "rigs" / "serial-board.toml")
+    rig = with_slave(load_rig_file(ROOT / "rigs" / "serial-board.toml"), lag_ms=0.0)
     for stiffness, refused in ((1e3, False), (1.5e3, True)):  # d / (1 kN/m) = 15 ms
         known = FeedbackSettings("position-force", stiffness=stiffness)
         stated = {"force_lag": 10e-3, "lost_motion": 0.0}
@@ -182,7 +195,7 @@ def test_a_law_without_a_model_approaches_by_the_expected_stiffness_of_the_speci
 
 
 def test_the_rehearsal_does_not_refuse_a_delay_that_is_stable_on_the_specimen():
-    rig = load_rig_file(ROOT / "rigs" / "serial-board.toml")
+    rig = with_slave(load_rig_file(ROOT / "rigs" / "serial-board.toml"), lag_ms=0.0)
     soft = FeedbackSettings("position-force", stiffness=100.0)
     delayed = TrialSettings(
         rig=rig, depth=2e-3, feedback=soft, channel=ChannelSettings(0.05), force_lag=1e-3

@@ -5,21 +5,24 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from drivers.rig_file import RigFileError, parse_rig_file
-from sim_backend import ForceMaster
+from drivers.rig_file import RigFileError, parse_rig_file, read_rig_file
+from sim_backend import ForceMaster, ForceSlave
 from teleop.cli import main
 from teleop.control.channel import ChannelSettings
 from teleop.control.feedback.settings import FeedbackSettings
 from teleop.errors import InputError
 from teleop.names import COUPLED, NO_HANDLE
 from teleop.recording.recording import load
+from teleop.settings.configuration import read_configuration
 from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.run import run_trial
 
+RIGS = Path(__file__).parents[3] / "rigs"
 INDENTER = """
 name = "indenter"
 buses.usb = { kind = "serial", port = "/dev/ttyACM0", baud_bps = 921600 }
@@ -70,6 +73,15 @@ def test_a_coupling_that_is_not_passive_is_refused_with_the_largest_stiffness():
         replace(TRIAL, force_master=ForceMaster(6000.0))
     with pytest.raises(InputError, match="expected at most 266 N/m"):
         replace(TRIAL, force_master=ForceMaster(), rate=200.0)
+
+
+def test_a_coupling_that_the_drive_closes_is_checked_with_the_rate_of_the_drive():
+    rig = read_rig_file(RIGS / "mit-motor.toml")
+    # With the period of this loop, at most 333 N/m would be passive.
+    slow = TrialSettings(rig=rig, rate=250.0, depth=5e-3, specimen="gel")
+    assert slow.master_coupling.stiffness == 977.0
+    with pytest.raises(InputError, match="700 N/m: expected at most 200 N/m"):
+        replace(slow, rig=read_rig_file(RIGS / "odrive-torque.toml"))
 
 
 def test_a_motor_that_is_too_weak_for_the_feedback_is_refused_with_the_largest_gain():
@@ -123,6 +135,40 @@ def test_wrong_values_of_the_force_master_are_one_line(capsys):
     message = capsys.readouterr().err
     assert message.count("\n") == 1
     assert "max_force" in message
+
+
+def test_a_force_slave_is_checked_and_recorded(tmp_path, capsys):
+    path = tmp_path / "trial.mcap"
+    options = ("--clock=virtual", "--duration=3", "--estimators=rls", "--force-slave=latency=2")
+    assert main(["run", *options, f"--record={path}", "--json"]) == 0
+    summary = json.loads(capsys.readouterr().out)
+    assert summary["estimates"]["rls"]["k"] == pytest.approx(2000.0, rel=0.1)
+    recorded = read_configuration(path)
+    assert recorded.force_slave == ForceSlave(latency=2)
+    # The loop yields to the contact force by 1 / K.
+    assert recorded.limits.drive_compliance == pytest.approx(34e-6, rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("slave", "message"),
+    [
+        (ForceSlave(12.0), "force_slave.mass 12 kg: .* unstable .* expected about 3 kg"),
+        (ForceSlave(max_force=40.0), "force_slave.max_force 40 N: expected at least the soft"),
+    ],
+)
+def test_a_force_slave_that_cannot_work_is_refused(slave, message):
+    with pytest.raises(InputError, match=message):
+        replace(TRIAL, force_slave=slave)
+
+
+def test_a_force_slave_of_a_hardware_rig_is_described_in_the_rig_file():
+    rig = read_rig_file(RIGS / "odrive-torque.toml")
+    with pytest.raises(InputError, match=r"force_slave: .* expected \[drives.slave\]"):
+        TrialSettings(rig=rig, depth=5e-3, specimen="gel", force_slave=ForceSlave())
+    weak = rig.text.replace("max_force_n = 250", "max_force_n = 150")
+    weak_rig = parse_rig_file(RIGS / "weak.toml", weak)
+    with pytest.raises(InputError, match="drives.slave.max_force_n 150 N: expected at least"):
+        TrialSettings(rig=weak_rig, depth=5e-3, specimen="gel")
 
 
 def test_the_check_of_position_force_includes_the_lag_of_the_slave(tmp_path):

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from estimation import MODELS
 from estimation.method_settings import OwnSettings
-from sim_backend import ForceMaster, OperatorModel, Sensors
+from sim_backend import ForceMaster, ForceSlave, OperatorModel, Sensors
 from teleop.control.admittance import AdmittanceParameters
 from teleop.control.channel import ChannelSettings
 from teleop.control.coupling import Coupling
@@ -60,7 +60,9 @@ VARIED = {
     ),
     "live": st.booleans(),
     "force_master": st.none()
-    | st.builds(ForceMaster, st.floats(200.0, 1200.0), max_force=st.floats(130.0, 300.0)),
+    | st.builds(ForceMaster, st.floats(200.0, 600.0), max_force=st.floats(130.0, 300.0)),
+    "force_slave": st.none()
+    | st.builds(ForceSlave, st.floats(2.5, 3.5), st.integers(0, 2), st.floats(2e3, 3e3)),
     "channel": st.none() | st.builds(ChannelSettings, st.floats(0.0, 0.1), st.floats(0.0, 0.01)),
 }
 """Values of the settings; `condition` besides, whose values depend on the signal."""

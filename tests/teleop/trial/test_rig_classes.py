@@ -72,6 +72,24 @@ def test_a_name_that_is_no_rig_is_refused_in_one_line(capsys, name, expected):
     assert expected in error
 
 
+@pytest.mark.parametrize(
+    "command",
+    [
+        ["rig", "check", "mylab"],
+        ["rig", "emulate", "mylab"],
+        ["rig", "tare", "--rig", "mylab", "--out", "tare.json"],
+        ["series", "paper", "--rig", "mylab", "--out", "folder", "--yes"],
+    ],
+    ids=lambda command: " ".join(command[:2]),
+)
+@pytest.mark.usefixtures("installed")
+def test_a_command_that_needs_a_rig_file_refuses_a_rig_class(capsys, command):
+    assert main(command) == 2
+    lines = capsys.readouterr().err.splitlines()
+    assert lines[-1].endswith("expected a rig file (TOML); only teleop run runs on a rig class")
+    assert "'mylab': a rig class" in lines[-1]
+
+
 def test_a_path_that_exists_is_a_rig_file(installed, capsys):
     (installed / "mylab").write_text("no rig file")
     assert main([*RUN, *SPECIMEN, "--rig", "mylab"]) == 2

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 
 import pytest
 
@@ -60,6 +61,17 @@ def test_a_free_handle_follows_the_strokes_and_its_watchdog_acts(in_memory, name
     # The paddle oscillates on its coupling, because it has little damping.
     assert master.ratio == pytest.approx(1.0, abs=1.0 if name == "hapkit" else 0.1)
     assert 0.01 < master.watchdog_s < 0.15
+    assert not driven
+
+
+@pytest.mark.usefixtures("quick_strokes")
+def test_a_watchdog_that_is_not_reported_is_not_tested(in_memory):
+    report, driven = checked(in_memory("haply"))
+    assert report.fault is None
+    assert {drive.name: drive.problem for drive in report.drives} == {"master": "", "slave": ""}
+    watchdogs = {drive.name: drive.watchdog_s for drive in report.drives}
+    assert math.isnan(watchdogs["master"])
+    assert 0.01 < watchdogs["slave"] < 0.15
     assert not driven
 
 
