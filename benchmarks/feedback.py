@@ -157,15 +157,15 @@ def summarise(rows: list[Row], keys: Iterable[str]) -> None:
         stops = sorted({row["fault"] for row in found if row["fault"]})
         case = ", ".join(str(value) for value in group)
         k, force = column(found, "true_k_error"), column(found, "true_force_error")
-        if not np.isfinite(k).any():
+        if not np.isfinite(k).any() and " to " not in group[0]:
             k, force = column(found, "rendered_k_error"), column(found, "felt_force_error")
         within = np.mean((k < MOST_K) & (force < MOST_FORCE))
         ratio = felt_damping(found)
         print(
             f"{case:<38}{sum(row['stable'] for row in found):>4}/{len(found):<3}"
-            f"{np.nanmedian(k):>14.1%},{np.nanmax(k):>7.1%}"
-            f"{np.nanmedian(force):>8.1%},{np.nanmax(force):>6.1%}{within:>9.0%}{ratio:>8.2f}"
-            f"{np.nanmax(column(found, 'shaking_um')):>6.0f} um"
+            f"{middle(k):>14.1%},{worst(k):>7.1%}"
+            f"{middle(force):>8.1%},{worst(force):>6.1%}{within:>9.0%}{ratio:>8.2f}"
+            f"{worst(column(found, 'shaking_um')):>6.0f} um"
             f"{min(row['energy_min_j'] for row in found) * 1e3:>7.1f} mJ"
             f"{max(row['force_of_soft_limit'] for row in found):>6.2f}"
             f"{max(row['force_of_hard_limit'] for row in found):>6.2f}  {', '.join(stops)}"
@@ -175,6 +175,18 @@ def summarise(rows: list[Row], keys: Iterable[str]) -> None:
         f"felt k within {MOST_K:.0%} and felt force within {MOST_FORCE:.0%} of the tissue: "
         f"{np.mean((k < MOST_K) & (force < MOST_FORCE)):.1%} of all trials"
     )
+
+
+def middle(values: np.ndarray) -> float:
+    """Return the median of the finite values; NaN if there is none."""
+    known = values[np.isfinite(values)]
+    return float(np.median(known)) if len(known) else float("nan")
+
+
+def worst(values: np.ndarray) -> float:
+    """Return the largest of the finite values; NaN if there is none."""
+    known = values[np.isfinite(values)]
+    return float(np.max(known)) if len(known) else float("nan")
 
 
 def felt_damping(rows: list[Row]) -> float:
