@@ -3,7 +3,9 @@
     python benchmarks/feedback.py --part acceptance --seeds 15 --out acceptance.csv
     python benchmarks/feedback.py --part acceptance --seeds 15 --rigid --out rigid.csv
     python benchmarks/feedback.py --part bodies --seeds 2 --out bodies.csv
-    python benchmarks/feedback.py --part map --seeds 3 --out map.csv
+    python benchmarks/feedback.py --part stiffening --seeds 4 --out stiffening.csv
+    python benchmarks/feedback.py --part z-width --seeds 3 --out z-width.csv
+    python benchmarks/feedback.py --part map --seeds 1 --out map.csv
 
 The acceptance grid is model-mediated feedback on three cubes, with round trips of 0 to 1 s and
 three arms, a jitter of 20 ms and a loss of 5 %. The felt stiffness and force are compared with the
@@ -41,6 +43,8 @@ ROUND_TRIPS = (0.0, 0.1, 0.2, 0.5, 1.0)
 MAP_TICKS = (0, 1, 2, 3, 4, 5, 7, 10, 15, 20, 30, 40, 50, 60, 70, 77, 80, 100, 150, 250)
 """Delays of one direction of the channel in the map, in ticks."""
 ARMS = (250.0, 400.0, 1500.0)
+SPRINGS = (1e3, 2e3, 5e3, 1e4, 2e4, 5e4, 1e5, 2e5)
+"""Stiffness of the springs for the range of impedances that the hand can feel [N/m]."""
 DAMPINGS = (15.0, 50.0, 200.0)
 TREMORS = (0.0, TREMOR_AMPLITUDE)
 """Amplitudes of the tremor of the hand in the map [m]. Equation (1) describes the loop, not the
@@ -89,6 +93,14 @@ def stiffening(seeds: range, rigid: bool) -> Iterator[Row]:
         yield channelled("model-mediated", before, trip, body=body, seed=seed, rigid=rigid)
 
 
+def z_width(seeds: range, rigid: bool) -> Iterator[Row]:
+    """Yield trials on springs of increasing stiffness, for the stiffest one that the hand feels."""
+    laws = {"position-force": 50.0, "model-mediated": 15.0}
+    for seed, law, k, arm in itertools.product(seeds, laws, SPRINGS, ARMS):
+        case = {"law": law, "cube": "soft", "round_trip": 0.0, "body": f"spring {k:g}"}
+        yield case | {"damping": laws[law], "arm": arm, "seed": seed, "rigid": rigid}
+
+
 MAP_ROUND_TRIPS = [2e-3 * ticks for ticks in MAP_TICKS]
 """Round trips of the map, in increasing order [s]."""
 
@@ -134,11 +146,13 @@ PARTS = {
     "bodies": bodies,
     "stiffening": stiffening,
     "map": stability_map,
+    "z-width": z_width,
 }
 KEYS = {
     "acceptance": ("cube", "round_trip"),
     "bodies": ("body", "cube", "round_trip"),
     "stiffening": ("body", "round_trip"),
+    "z-width": ("law", "body"),
     "map": ("tremor", "cube", "damping", "arm", "round_trip"),
 }
 """Arguments by which the summary groups the trials of a part."""

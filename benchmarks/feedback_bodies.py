@@ -70,14 +70,17 @@ def swapped(before: str, after: str) -> Changing:
 def body(name: str, cube: Cube, seed: int = 0) -> AnyBody:
     """Return the body with this name; `seed` varies the time of a change.
 
-    Names: glued, loose, relaxing, hunt-crossley, inclusion; `A to B`, two cubes of which B replaces
-    A while the tip is away; `A while indented to B`, where B replaces A in contact.
+    Names: `spring K`, glued, loose, relaxing, hunt-crossley, inclusion; `A to B`, two cubes of which
+    B replaces A while the tip is away; `A while indented to B`, where B replaces A in contact.
     """
     if " while indented to " in name:
         before, after = name.split(" while indented to ")
         return Changing(CUBES[before], CUBES[after], contact=1, delay=4.0 + 0.113 * (seed % 17))
     if " to " in name:
         return swapped(*name.split(" to "))
+    if name.startswith("spring "):
+        k = float(name.split()[1])
+        return Cube(k, 0.0, 1e-3 * k)
     if name == "hunt-crossley":
         return HuntCrossley(3e4, 0.0, 1.0, glued=False)
     if name == "inclusion":

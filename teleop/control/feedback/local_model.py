@@ -91,10 +91,9 @@ BETTER = 0.7
 class PlayHypothesis:
     """Estimator of the environment for one half width of the play [m].
 
-    `transmission` has the lag of the force and the compliance. If the body is not `glued`, the
-    tip can leave it. The first sample is that of a time
-    `shift` [s] shorter than the others, so that the estimators of a bank do not all compute in the
-    same tick.
+    `transmission` has the lag of the force and the compliance. If the body is not `glued`, the tip
+    can leave it. The first sample is that of a time `shift` [s] shorter than the others, so that
+    the estimators of a bank do not all compute in the same tick.
     """
 
     def __init__(
