@@ -70,8 +70,8 @@ def swapped(before: str, after: str) -> Changing:
 def body(name: str, cube: Cube, seed: int = 0) -> AnyBody:
     """Return the body with this name; `seed` varies the time of a change.
 
-    Names: `spring K`, glued, loose, relaxing, hunt-crossley, inclusion; `A to B`, two cubes of which
-    B replaces A while the tip is away; `A while indented to B`, where B replaces A in contact.
+    Names: `spring K`, glued, loose, relaxing, hunt-crossley, inclusion; `A to B`, two cubes of
+    which B replaces A while the tip is away; `A while indented to B`, where it does so in contact.
     """
     if " while indented to " in name:
         before, after = name.split(" while indented to ")

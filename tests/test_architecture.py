@@ -88,6 +88,7 @@ FLAT = {
     "names",
     "software",
     "printable",
+    "vibration",
 }
 """Modules of `teleop` outside the rooms."""
 POSIX_ONLY = {"fcntl", "termios", "pty", "resource", "grp", "pwd", "posix", "syslog", "tty"}

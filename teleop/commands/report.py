@@ -52,8 +52,9 @@ def report(
     from teleop.files import check_ending, check_outputs, write_text
     from teleop.output import console
     from teleop.output.report_page import report_page
+    from teleop.output.trial_tables import felt_lines
     from teleop.trial.recorded_trial import recorded_motion, recorded_tracking, true_result
-    from teleop.trial.trial_statistics import recorded_rendering
+    from teleop.trial.trial_statistics import felt, recorded_rendering
 
     page = out or file.with_suffix(".html")
     check_ending(page, ".html")
@@ -73,10 +74,13 @@ def report(
     true = None
     if recording and evaluation:
         true = true_result(recording, evaluation.analysis.result.position)
-    felt = recorded_rendering(recording) if recording else None
-    text = report_page(
-        file.name, evaluation, summary, recording, truth, link, tracking, motion, true, felt
-    )
+    rendering = recorded_rendering(recording) if recording else None
+    texts: list[str] = []
+    if rendering and recording:
+        measures = felt(rendering, recording.fault)
+        texts = [*felt_lines(measures._asdict()), *measures.remarks]
+    about = (truth, link, tracking, motion, true, rendering, texts)
+    text = report_page(file.name, evaluation, summary, recording, *about)
     write_text(page, text, overwrite)
     if json:
         console.print_json({"page": str(page), "file": str(file), **(summary or {})})

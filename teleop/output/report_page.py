@@ -45,7 +45,7 @@ from teleop.output.trial_figures import (
     timing_figure,
     tracking_figure,
 )
-from teleop.output.trial_tables import felt_lines, tracking_lines
+from teleop.output.trial_tables import tracking_lines
 from teleop.output.web_page import svg, web_page
 from teleop.recording.columns import OBSERVED
 from teleop.recording.gaps import missing_text
@@ -76,6 +76,7 @@ def report_page(
     motion: Mapping[str, str] | None = None,
     true: Mapping[str, float] | None = None,
     felt: RunningRendering | None = None,
+    felt_texts: Sequence[str] = (),
 ) -> str:
     """Return a page with the results of a file.
 
@@ -83,7 +84,7 @@ def report_page(
     samples, `recording` if another program wrote the file. `link` is the path of the recording,
     relative to the folder of the page. `motion` has texts that describe the motion, by name. On the
     simulated rig, `truth` has the true values for the estimates, and `true` those of the result.
-    `felt` has what the hand felt with force feedback.
+    `felt` has what the hand felt with force feedback, and `felt_texts` describe it.
     """
     with figure_style("page"):
         values = of_recording(recording, motion or {})
@@ -92,10 +93,8 @@ def report_page(
             values["about"] = [motion_line(summary)]
         values["tracking"] = values["feedback"] = ""
         if felt and recording:
-            fault = recording.fault
-            rendering = felt.result(str(fault["fault"]) if fault else "")
             values["feedback"] = svg(feedback_figure(felt))
-            values["feedback_lines"] = [*felt_lines(rendering._asdict()), *rendering.remarks]
+            values["feedback_lines"] = felt_texts
         if recording and tracking:
             values["tracking"] = svg(tracking_figure("", recording, tracking))
             values["tracking_lines"] = tracking_lines(tracking)

@@ -15,12 +15,12 @@ from teleop.control.feedback.law import STIFF_PRIOR
 from teleop.control.feedback.stability import (
     DelayedLoop,
     Responses,
-    detectable,
     response_of_compensated_play,
     response_of_play,
 )
 from teleop.errors import InputError
 from teleop.settings.trial_settings import TrialSettings
+from teleop.vibration import detectable
 
 LOOP_DELAY = 1.5
 """Delay of the control loop in periods. A sample is at most one period old. A command is held for

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from functools import partial
 from typing import Any
 
@@ -13,10 +14,11 @@ from estimation.presets import GATE
 from teleop.control.feedback.law import STIFF_PRIOR, MasterHalf
 from teleop.control.feedback.settings import LAWS
 from teleop.evaluation.online.averages import RunningAverages
-from teleop.evaluation.teleoperation.rendering import RunningHand, RunningRendering
+from teleop.evaluation.teleoperation.rendering import Rendering, RunningHand, RunningRendering
 from teleop.recording.recording import Recording
 from teleop.recording.recording_file import RecordingFile
 from teleop.recording.timing import RunningTiming
+from teleop.safety import Fault
 from teleop.safety.events import ACTIVE, STOPPING
 from teleop.safety.soft_limits import FLAGS
 from teleop.settings.feedback_checks import arm_damping
@@ -142,8 +144,7 @@ class TrialStatistics:
         if not self._rendering:
             return None
         settings = self._settings
-        fault = self._recording.fault
-        found = self._rendering.result(str(fault["fault"]) if fault else "")
+        found = felt(self._rendering, self._recording.fault)
         channel = settings.channel and settings.channel.text
         return {
             "law": settings.feedback.law,
@@ -151,6 +152,12 @@ class TrialStatistics:
             **found._asdict(),
             "stable": found.stable,
         }
+
+
+def felt(rendering: RunningRendering, fault: Mapping[str, Any] | None) -> Rendering:
+    """Return what the hand felt in a trial that this fault ended; None if no fault ended it."""
+    name = str(fault["fault"]) if fault else ""
+    return rendering.result(name, name in (Fault.OSCILLATION, Fault.PORT_ENERGY))
 
 
 def recorded_rendering(recording: Recording) -> RunningRendering | None:

@@ -4,7 +4,9 @@ They were computed by the code of commit dcad2fa, before the fields of states ha
 data anew only for an intended change of the numbers of an estimator, and state this in the commit.
 The standard deviations of the methods of `linear_gain` on signals with uneven periods were
 recomputed when the weight of a sample in the noise variance became independent of its period. All
-were recomputed by the code of commit 5c285d2e when the signals were rounded.
+were recomputed by the code of commit 5c285d2e when the signals were rounded. Those of the model
+`stiffening` were recomputed, with equal b, k and k3, when its regressor became a product: the last
+bits of a power depend on the processor.
 """
 
 from __future__ import annotations
@@ -86,7 +88,7 @@ def regressor(model: str, signals: Signals) -> NDArray[np.float64] | None:
         "kelvin-voigt": None,
         "datum": np.ones_like(x),
         "inertia": np.gradient(v, 1e-3),
-        "stiffening": x**3,
+        "stiffening": x * x * x,
         "sls": -np.gradient(f, 1e-3),
     }[model]
     return None if further is None else further[:, np.newaxis]

@@ -113,6 +113,8 @@ class RunningSpectra:
         oscillating = (frequency > FASTEST_HAND) & active
         # Parseval's theorem, with the mean power of the window
         window = np.hanning(self._length)
+        if not window.any():
+            return NO_OSCILLATION
         scale = 4.0 / (self._segments * self._length * float(window @ window))
         displaced = scale * self._motion / np.maximum(2.0 * np.pi * frequency, 1e-9) ** 2
         tremor = displaced[(frequency > FASTEST_HAND) & ~oscillating]

@@ -23,7 +23,6 @@ from estimation.arrays import Floats
 from estimation.filters import Lag, Play
 from estimation.quantities import STIFFNESS
 from estimation.transmission import RIGID, TransmissionCalibration
-from teleop.control.feedback.stability import detectable
 from teleop.evaluation.teleoperation.loop_oscillation import (
     NO_OSCILLATION,
     ArmDamping,
@@ -37,6 +36,7 @@ from teleop.evaluation.teleoperation.thresholds import (
     LATE_REPORT,
     LEAST_FORCE,
     LEAST_POWER,
+    MOST_BLOCKS,
     MOST_PRIOR,
     MOST_TISSUE_MISFIT,
     NOTICEABLE,
@@ -45,10 +45,7 @@ from teleop.evaluation.teleoperation.thresholds import (
     SMALLEST_MOTION,
 )
 from teleop.recording.recording import Recording
-from teleop.safety import Fault
-
-DIVERGING = frozenset({str(Fault.OSCILLATION), str(Fault.PORT_ENERGY)})
-"""Faults that an unstable loop causes."""
+from teleop.vibration import detectable
 
 
 class Rendering(NamedTuple):
@@ -281,6 +278,8 @@ class RunningRendering:
         self._size = 0
         self._pending: Floats = np.empty((8, 0))
         self._means: list[Floats] = []
+        self._count = 0
+        self._is_cut = False
 
     def add(self, active: Recording) -> None:
         """Process the next ticks of the trial."""
@@ -314,6 +313,10 @@ class RunningRendering:
         last, means = parts[:, :, -1], parts.mean(axis=2)
         span = parts[6].sum(axis=1)
         self._means.append(np.stack((last[0], *means[1:6], span, last[7], last[4])))
+        self._count += means.shape[1]
+        while self._count - self._means[0].shape[1] >= MOST_BLOCKS:
+            self._count -= self._means.pop(0).shape[1]
+            self._is_cut = True
 
     def blocks(self) -> Blocks:
         """Return the means over all blocks after the first seconds."""
@@ -362,8 +365,11 @@ class RunningRendering:
         force = gain * (k + k3 * (scale * r) ** 2) * scale * r + damping
         return force if self._glued else np.where(r > 0.0, np.maximum(force, 0.0), 0.0)
 
-    def result(self, fault: str = "") -> Rendering:
-        """Return what the hand felt, and the stability. `fault` is that which ended the trial."""
+    def result(self, fault: str = "", diverged: bool = False) -> Rendering:
+        """Return what the hand felt, and the stability.
+
+        `fault` is that which ended the trial, and `diverged` whether an unstable loop caused it.
+        """
         oscillation = self._spectra.result() if self._ticks else NO_OSCILLATION
         blocks = self.blocks()
         found = self.comparison(blocks)
@@ -371,7 +377,7 @@ class RunningRendering:
         compared = found is not None and int(np.count_nonzero(used)) >= FEWEST_BLOCKS
         rendering = Rendering(
             energy_min_j=self._lowest if self._ticks else math.nan,
-            outcome=outcome(fault, oscillation, compared),
+            outcome=outcome(fault, diverged, oscillation, compared),
             oscillation_m=oscillation.amplitude,
             oscillation_hz=oscillation.frequency,
             detectable_m=detectable(oscillation.frequency) if oscillation.share else math.nan,
@@ -433,6 +439,11 @@ class RunningRendering:
             )
         if found is None or count < FEWEST_BLOCKS:
             return
+        if self._is_cut:
+            yield (
+                "the felt stiffness is that of the last "
+                f"{self._count * BLOCK / 60.0:.0f} min: expected a shorter trial"
+            )
         if found.tissue_misfit > MOST_TISSUE_MISFIT:
             yield (
                 "the force at the slave is not one function of depth and speed (misfit "
@@ -456,9 +467,9 @@ class RunningRendering:
             )
 
 
-def outcome(fault: str, oscillation: LoopOscillation, compared: bool) -> str:
+def outcome(fault: str, diverged: bool, oscillation: LoopOscillation, compared: bool) -> str:
     """Return in words how the loop behaved; `compared`: whether there was enough contact."""
-    if fault in DIVERGING:
+    if diverged:
         return "diverging"
     felt = oscillation.share and oscillation.amplitude > detectable(oscillation.frequency)
     if felt and oscillation.amplitude > oscillation.tremor:

@@ -25,6 +25,8 @@ LATE_REPORT = 0.5
 """Age of the newest packet of the slave above which the channel is named as the cause [s]."""
 BLOCK = 0.01
 """Time over which force and position are averaged for the comparison [s]."""
+MOST_BLOCKS = 60_000
+"""Number of blocks that are kept for the comparison; those of 10 min."""
 FEWEST_BLOCKS = 10
 """Smallest number of blocks in contact."""
 MOST_TISSUE_MISFIT = 0.1

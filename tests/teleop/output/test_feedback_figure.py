@@ -59,7 +59,8 @@ def test_the_felt_force_is_the_displayed_force(recorded):
 
 def test_the_report_has_the_figure_only_with_force_feedback(recorded, tmp_path):
     felt = recorded_rendering(load(recorded))
-    with_feedback = report_page("trial.mcap", None, None, load(recorded), felt=felt)
+    shown = {"felt": felt, "felt_texts": ["the hand felt k = 1 N/m"]}
+    with_feedback = report_page("trial.mcap", None, None, load(recorded), **shown)
     assert "<summary>Force feedback</summary>" in with_feedback
     assert with_feedback.count("<svg") == 1
     assert "the hand felt k = " in with_feedback

@@ -141,7 +141,7 @@ def test_the_memory_of_a_summary_does_not_depend_on_the_duration(tmp_path, small
     monkeypatch.setattr(timing, "MOST", 100)
     monkeypatch.setattr(timing, "DIGITS", 4)
     monkeypatch.setattr(kept_parts, "LAST", 1000)
-    monkeypatch.setattr(rendering, "OLDEST_POSITION", 0.5)
+    monkeypatch.setattr(rendering, "MOST_BLOCKS", 50)
     settings = replace(
         QUICK, condition="mimic", estimators=("rls",), channel=ChannelSettings(delay=1e-3)
     )
