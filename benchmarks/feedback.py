@@ -43,7 +43,7 @@ ROUND_TRIPS = (0.0, 0.1, 0.2, 0.5, 1.0)
 MAP_TICKS = (0, 1, 2, 3, 4, 5, 7, 10, 15, 20, 30, 40, 50, 60, 70, 77, 80, 100, 150, 250)
 """Delays of one direction of the channel in the map, in ticks."""
 ARMS = (250.0, 400.0, 1500.0)
-SPRINGS = (1e3, 2e3, 5e3, 1e4, 2e4, 5e4, 1e5, 2e5)
+SPRINGS = (2e3, 5e3, 1e4, 2e4, 5e4, 1e5, 2e5)
 """Stiffness of the springs for the range of impedances that the hand can feel [N/m]."""
 DAMPINGS = (15.0, 50.0, 200.0)
 TREMORS = (0.0, TREMOR_AMPLITUDE)

@@ -97,9 +97,11 @@ def tremor_amplitude(amplitude: float) -> Iterator[None]:
 def run_one(arguments: dict[str, Any]) -> dict[str, Any]:
     """Run a trial with these arguments of `settings_of`; return the arguments and the result.
 
-    The additional argument `tremor` is the amplitude of the hand's tremor [m].
+    The additional argument `tremor` is the amplitude of the hand's tremor [m]; `permitted`, the
+    longest round trip that the check permits [s], is only returned.
     """
     trial_arguments = dict(arguments)
+    trial_arguments.pop("permitted", None)
     with tremor_amplitude(trial_arguments.pop("tremor", operators.TREMOR_AMPLITUDE)):
         settings = settings_of(**trial_arguments)
         trial = run_trial(settings)
