@@ -73,7 +73,8 @@ class TrialOptions:
     frequency: Annotated[Hertz | None, Parameter(group=CONTROL)] = None
     """Frequency of the excitation signal, or of the sine that the operator follows in mimic [Hz].
     For a multisine, it is the lowest of five harmonics; for a chirp over two octaves, the lowest
-    frequency. Default: 1 in mimic, 2 otherwise."""
+    frequency; for ramp-hold, that of the repetition, of which a half is the hold. Default: 1 in
+    mimic, 2 otherwise."""
     coupling: Annotated[CouplingName | None, Parameter(group=CONTROL)] = None
     """velocity: the slave follows the velocity of the master, as in the paper. position: the slave
     also follows the position of the master. Default: velocity."""
@@ -157,7 +158,7 @@ DEFAULTS = TrialOptions()
 
 def make_signal(name: SignalName, frequency: float) -> AnySignal:
     """The signal with this name and lowest frequency [Hz]; InputError for a wrong frequency."""
-    from teleop.control.excitation_signals import Chirp, Multisine, Sine
+    from teleop.control.excitation_signals import Chirp, Multisine, RampHold, Sine
     from teleop.errors import InputError
 
     try:
@@ -168,6 +169,9 @@ def make_signal(name: SignalName, frequency: float) -> AnySignal:
                 return Multisine(tuple(frequency * harmonic for harmonic in range(1, 6)))
             case "chirp":
                 return Chirp(frequency, 4.0 * frequency)
+            case "ramp-hold":
+                period = 1.0 / Sine(frequency).frequency
+                return RampHold(0.05 * period, 0.5 * period, 0.4 * period)
     except ValueError as error:
         raise InputError(f"frequency {frequency:g} Hz: {error}") from error
 

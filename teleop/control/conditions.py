@@ -45,7 +45,7 @@ class Condition(ABC):
     """Instruction to the person, shown on the live page while the drives are active."""
     moved_by: ClassVar[Literal["hand", "injector"]] = "hand"
     """What moves the master. With `injector`, nobody holds the handle."""
-    signal_kinds: ClassVar[tuple[str, ...]] = ("sine", "multisine", "chirp")
+    signal_kinds: ClassVar[tuple[str, ...]] = ("sine", "multisine", "chirp", "ramp-hold")
     """Kinds of excitation signal that the condition accepts."""
     default_frequency: ClassVar[float] = 2.0
     """Frequency of the sine if the settings have no signal [Hz]."""

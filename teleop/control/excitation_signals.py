@@ -172,5 +172,66 @@ class Chirp(Signal):
         )
 
 
-AnySignal = Sine | Multisine | Chirp
+@dataclass(frozen=True)
+class RampHold(Signal):
+    """Repeated indentation: ramp from -1 to 1, hold, ramp back and rest.
+
+    In the hold, the force of a specimen relaxes. The ramps are minimum-jerk movements.
+
+    Raises
+    ------
+    ValueError
+        A time is not positive.
+
+    References
+    ----------
+    T. Flash, N. Hogan, J. Neurosci. 5(7), 1985 (minimum-jerk movement).
+    """
+
+    ramp: float = 0.1
+    """Duration of each ramp [s], > 0."""
+    hold: float = 2.0
+    """Duration of the hold at 1 [s], > 0."""
+    rest: float = 1.0
+    """Duration of the rest at -1 [s], > 0."""
+    kind: Literal["ramp-hold"] = "ramp-hold"
+
+    def __post_init__(self) -> None:
+        for name in ("ramp", "hold", "rest"):
+            if not 0.0 < getattr(self, name) < math.inf:
+                raise ValueError(f"{name} of ramp-hold must be positive, got {getattr(self, name)}")
+
+    @property
+    def highest(self) -> float:
+        """Frequency of the sine with the highest speed of a ramp [Hz]."""
+        return 3.75 / (2.0 * math.pi * self.ramp)
+
+    @property
+    def text(self) -> str:
+        """Short description: kind and times."""
+        return f"ramps of {self.ramp:g} s, holds of {self.hold:g} s and rests of {self.rest:g} s"
+
+    def at(self, t: float) -> Derivatives:
+        """Return the value of the signal and its first two derivatives at time t [s]."""
+        t %= 2.0 * self.ramp + self.hold + self.rest
+        if t < self.ramp:
+            return self._movement(t)
+        t -= self.ramp + self.hold
+        if t < 0.0:
+            return Derivatives(1.0, 0.0, 0.0)
+        if t < self.ramp:
+            return Derivatives(*(-value for value in self._movement(t)))
+        return Derivatives(-1.0, 0.0, 0.0)
+
+    def _movement(self, t: float) -> Derivatives:
+        """Return the minimum-jerk movement from -1 to 1 at the time t since its start [s]."""
+        s = t / self.ramp
+        return Derivatives(
+            2.0 * s**3 * (10.0 - 15.0 * s + 6.0 * s * s) - 1.0,
+            60.0 * (s * (1.0 - s)) ** 2 / self.ramp,
+            120.0 * s * (1.0 - s) * (1.0 - 2.0 * s) / self.ramp**2,
+        )
+
+
+AnySignal = Sine | Multisine | Chirp | RampHold
 """Types of excitation signal that a trial can have in its settings."""

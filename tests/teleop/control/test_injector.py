@@ -4,13 +4,14 @@ import numpy as np
 import pytest
 
 from teleop.control.admittance import Admittance, AdmittanceParameters
-from teleop.control.excitation_signals import Chirp, Multisine, Sine
+from teleop.control.excitation_signals import Chirp, Multisine, RampHold, Sine
 from teleop.control.injector import Injector
 
 SIGNALS = {
     "sine": Sine(1.0),
     "multisine": Multisine([0.5, 1.0, 1.5, 2.0, 2.5]),
     "chirp": Chirp(0.5, 4.0),
+    "ramp-hold": RampHold(0.4, 1.0, 0.6),
 }
 t = np.arange(0.0, 10.0, 2e-3)
 STEP = 1e-4
@@ -88,6 +89,7 @@ def test_a_short_trial_has_short_ramps():
         lambda: Multisine([1.0, float("nan")]),
         lambda: Chirp(2.0, 1.0),
         lambda: Chirp(1.0, 2.0, sweep=0.0),
+        lambda: RampHold(hold=0.0),
         lambda: injector(SIGNALS["sine"], depth=0.0),
         lambda: injector(SIGNALS["sine"], duration=0.0),
         lambda: injector(SIGNALS["sine"], touch=1.0),
