@@ -171,7 +171,7 @@ def summarise(rows: list[Row], keys: Iterable[str]) -> None:
         stops = sorted({row["fault"] for row in found if row["fault"]})
         case = ", ".join(str(value) for value in group)
         k, force = column(found, "true_k_error"), column(found, "true_force_error")
-        if not np.isfinite(k).any() and " to " not in group[0]:
+        if not np.isfinite(k).any() and " to " not in found[0].get("body", ""):
             k, force = column(found, "rendered_k_error"), column(found, "felt_force_error")
         within = np.mean((k < MOST_K) & (force < MOST_FORCE))
         ratio = felt_damping(found)
@@ -257,10 +257,12 @@ def summarise_map(rows: list[Row], tremor: float) -> None:
         first = min(bad, default=float("inf"))
         last = max((row["round_trip"] for row in found if row["round_trip"] < first), default=-1.0)
         safe, largest = found[0]["safe_round_trip"], found[0]["largest_round_trip"]
+        permitted = found[0]["permitted"]
         cube, damping, arm = case
         print(
             f"{cube:<8}{damping:>10g}{arm:>11g}{f'{last * 1e3:g}' if last >= 0.0 else 'none':>16}"
-            f"{first * 1e3:>15g}{found[0]['permitted'] * 1e3:>11g}{safe * 1e3:>15.1f}"
+            f"{first * 1e3:>15g}{f'{permitted * 1e3:g}' if permitted >= 0.0 else 'none':>11}"
+            f"{safe * 1e3:>15.1f}"
             f"{largest * 1e3:>14.1f}"
         )
 
