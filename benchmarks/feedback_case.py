@@ -169,7 +169,7 @@ def against_the_law(recording: Recording, settings: TrialSettings) -> dict[str, 
         zip(x.tolist(), v.tolist(), active["dt"].tolist(), strict=True)
     ):
         law = body.law(state)
-        correct[i] = law.force(depth, speed)
+        correct[i] = settings.feedback.gain * law.force(depth, speed)
         state = body.advanced(state, law.surface(depth), dt)
     shown = active["displayed_force"]
     used = part & (np.abs(correct) > LEAST_FORCE)

@@ -68,7 +68,7 @@ class BilateralLink(Link):
         self._max_silence = channel.max_silence
         self.reports = Direction(channel, f"reports {seed}", Report())
         self.motions = Direction(channel, f"motions {seed}", MasterMotion(0.0))
-        self._playout = Playout()
+        self._playout = Playout(channel.delay + channel.jitter)
         self._energy = PortEnergy(admittance)
         self._oscillation = Oscillation() if closed else None
         self.values = NO_VALUES
@@ -80,10 +80,10 @@ class BilateralLink(Link):
     def align(self, measurement: Measurement) -> None:
         """Put the virtual mass at rest, and reset the force-feedback law and the channel.
 
-        The virtual mass is put at the position that corresponds to the measured position of the
-        slave. This method is called each time the drives are armed.
+        The virtual mass is put at the position that corresponds to that of the slave's tip. This
+        method is called each time the drives are armed.
         """
-        self._coupling.align(self._admittance, measurement)
+        self._admittance.align(self._slave.tip(measurement) / self._coupling.scale)
         self._master.align()
         self._slave.align()
         self._energy.reset()

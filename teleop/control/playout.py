@@ -3,26 +3,34 @@
 Over a channel with jitter and loss, packets arrive at irregular times, and packets that were
 overtaken are not used. If the slave used each packet from its arrival to the next one, its desired
 motion would have steps. Here the packets are stored, and the motion at the time now - D is
-interpolated between them, where D is the largest age that the newest packet had recently. Without
+interpolated between them, where D is the largest age that the newest packet had recently, at most
+the largest expected delay of the channel. After a longer outage, the newest packet is used. Without
 jitter and loss, D is the delay of the channel, and the motion is that of the newest packet.
 """
 
 from __future__ import annotations
 
+import math
 from collections import deque
 
 from drivers import new_tuple
 from teleop.control.channel import ROUNDING
 from teleop.control.feedback.law import MasterMotion
 
+MARGIN = 2.0
+"""Ticks by which D may exceed the largest expected delay, because of packets that are lost."""
 SHORTENED = 0.01
 """Rate at which the delay D becomes shorter after the jitter has become smaller [s/s]."""
 
 
 class Playout:
-    """Interpolates the motion of the master between the packets that have arrived."""
+    """Interpolates the motion of the master between the packets that have arrived.
 
-    def __init__(self) -> None:
+    `longest` is the largest expected delay of the channel [s].
+    """
+
+    def __init__(self, longest: float = math.inf) -> None:
+        self._longest = longest
         self.reset(0.0, MasterMotion(0.0))
 
     def reset(self, now: float, motion: MasterMotion) -> None:
@@ -36,7 +44,7 @@ class Playout:
         """Process the newest packet that has arrived; return the present motion.
 
         `sent` is the time at which this packet was sent [s]. The velocity is that of the returned
-        position: it is 0 while the delay D increases, because no packet has arrived.
+        position: it is 0 while D increases, and while the newest packet is older than D.
         """
         packets = self._packets
         if sent > packets[-1][0]:
@@ -44,10 +52,12 @@ class Playout:
         dt, self._now = now - self._now, now
         age = now - sent
         shorter = self._delay - SHORTENED * dt
-        self._delay = delay = age if age > shorter else shorter
+        delay = age if age > shorter else shorter
+        longest = self._longest + MARGIN * dt
+        self._delay = delay = delay if delay < longest else longest
         time = now - delay
-        waits = time - self.time < ROUNDING
-        self.time = time
+        waits = time - self.time < ROUNDING or time > packets[-1][0] + ROUNDING
+        self.time = time if time < packets[-1][0] else packets[-1][0]
         while len(packets) > 1 and packets[1][0] <= time:
             packets.popleft()
         start, first = packets[0]

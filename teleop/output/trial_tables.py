@@ -197,7 +197,8 @@ def felt_lines(feedback: Mapping[str, Any]) -> Iterator[str]:
     coupling, bandwidth = feedback["coupling_k"], feedback["bandwidth_hz"]
     if feedback["rendered_k"] == feedback["rendered_k"]:
         tissue = "tissue" if coupling != coupling else "tissue and coupling in series"
-        width = f", up to {bandwidth:.2g} Hz" if bandwidth == bandwidth else ""
+        least = "at least " if bandwidth == feedback["evaluated_hz"] else ""
+        width = f", up to {least}{bandwidth:.2g} Hz" if bandwidth == bandwidth else ""
         yield (
             f"the hand felt k = {STIFFNESS.text(feedback['rendered_k'])} "
             f"({feedback['rendered_k_error']:+.1%} of {tissue}),"

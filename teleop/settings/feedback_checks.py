@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -14,11 +15,13 @@ from teleop.control.channel import ChannelSettings
 from teleop.control.feedback.law import STIFF_PRIOR
 from teleop.control.feedback.stability import (
     DelayedLoop,
+    LimitCycle,
     Responses,
     response_of_compensated_play,
     response_of_play,
 )
 from teleop.errors import InputError
+from teleop.safety.soft_limits import APPROACH_TIME
 from teleop.settings.trial_settings import TrialSettings
 from teleop.vibration import detectable
 
@@ -26,12 +29,13 @@ LOOP_DELAY = 1.5
 """Delay of the control loop in periods. A sample is at most one period old. A command is held for
 one period, which is a mean delay of half a period."""
 
+RARE = 1e-3
+"""Probability of a run of lost packets that is counted as a delay."""
 ASSUMED_LOST_MOTION = 200e-6
 """Half width of the lost motion that is assumed if it is not known [m]."""
 TREMOR = 50e-6
-"""Amplitude of an oscillation of the hand that is hidden by tremor [m]. At the tool of a surgeon,
-the amplitude of tremor is about 0.1 mm (S. P. N. Singh, C. N. Riviere, Proc. IEEE Northeast
-Bioeng. Conf., 2002)."""
+"""Amplitude of an oscillation of the hand that is hidden by tremor [m], about that of tremor at the
+tool of a surgeon (S. P. N. Singh, C. N. Riviere, Proc. IEEE Northeast Bioeng. Conf., 2002)."""
 COUPLED_LOOP_DELAY = 3.5
 """Delay of the control loop with a force-commanded master in periods, without its latency."""
 
@@ -43,6 +47,12 @@ def check_feedback(settings: TrialSettings) -> str:
     force feedback is stable.
     """
     law, trip = settings.feedback.law, round_trip(settings)
+    lost, most = settings.link_transmission.lost_motion, max(3e-4, 0.1 * settings.setup.depth)
+    if law != "none" and lost > most:
+        raise InputError(
+            f"feedback {law}: a lost motion of {lost * 1e6:.0f} um, which the slave would cross at "
+            f"each reversal: expected at most {most * 1e6:.0f} um"
+        )
     if not settings.feedback.law_type.displays_measured_force:
         return ""
     warning = ""
@@ -70,18 +80,16 @@ def oscillation(settings: TrialSettings, loop: DelayedLoop, delay: float) -> str
 
     An oscillation is permitted if the fingers do not detect it, or if tremor is larger.
     """
-    lost, played = lost_motion(settings)
-    cycle = loop.limit_cycle(delay, played)
-    if cycle is None:
-        return ""
+    lost, responses = lost_motion(settings)
+    cycle = largest_cycle(loop, delay, responses)
     amplitude = cycle.amplitude / settings.coupling.scale
     if amplitude < max(detectable(cycle.frequency), TREMOR):
         return ""
     damping, step = loop.damping, 1.0
     while step > 0.1:
         trial = replace(loop, damping=damping + step)
-        cycle_at = trial.limit_cycle(delay, played)
-        if cycle_at is None or cycle_at.amplitude < TREMOR * settings.coupling.scale:
+        left = largest_cycle(trial, delay, responses).amplitude
+        if left < TREMOR * settings.coupling.scale:
             step *= 0.5
         else:
             damping += step
@@ -98,18 +106,23 @@ def oscillation(settings: TrialSettings, loop: DelayedLoop, delay: float) -> str
     )
 
 
-def lost_motion(settings: TrialSettings) -> tuple[float, Responses]:
-    """Return the half width of the play of the slave [m], and the response of its tip.
+def largest_cycle(loop: DelayedLoop, delay: float, responses: Sequence[Responses]) -> LimitCycle:
+    """Return the largest oscillation that the loop keeps; its amplitude is 0 if there is none."""
+    found = (loop.limit_cycle(delay, played) for played in responses)
+    return max((cycle for cycle in found if cycle), default=LimitCycle(0.0, 1.0))
 
-    If the lost motion is not known, it is assumed to be `ASSUMED_LOST_MOTION`, and is not
-    compensated.
+
+def lost_motion(settings: TrialSettings) -> tuple[float, list[Responses]]:
+    """Return the half width of the play of the slave [m], and possible responses of its tip.
+
+    The true lost motion can be larger or smaller than the known one, by its error. If the lost
+    motion is not known, it is assumed to be `ASSUMED_LOST_MOTION`, and is not compensated.
     """
     if not settings.lost_motion_known:
-        return ASSUMED_LOST_MOTION, response_of_play(ASSUMED_LOST_MOTION)
+        return ASSUMED_LOST_MOTION, [response_of_play(ASSUMED_LOST_MOTION)]
     known = settings.link_transmission
-    return known.lost_motion, response_of_compensated_play(
-        known.lost_motion, known.lost_motion_error
-    )
+    lost, error = known.lost_motion, known.lost_motion_error
+    return lost, [response_of_compensated_play(lost, one) for one in (error, -min(error, lost))]
 
 
 def unknown_values(settings: TrialSettings) -> list[str]:
@@ -135,12 +148,33 @@ def unknown_values(settings: TrialSettings) -> list[str]:
 def lag(settings: TrialSettings) -> float:
     """Return the delay from the contact force to the force that the hand feels [s].
 
-    This delay is the sum of the lags of the contact force sensor and of the slave's drive, and the
-    delay of the control loop. It does not include the delay of the communication channel.
+    This delay is the sum of the lags of the contact force sensor and of the slave's drive, the
+    delay of the control loop, the time in which the slave crosses its lost motion, and the time of
+    lost packets. It does not include the delay of the communication channel.
     """
     coupling = settings.master_coupling
     periods = COUPLED_LOOP_DELAY + coupling.latency if coupling else LOOP_DELAY
-    return sensor_lag(settings) + slave_lag(settings) + periods / settings.loop_rate
+    periods += 2.0 * lost_in_a_row(settings.channel)
+    own = sensor_lag(settings) + slave_lag(settings) + periods / settings.loop_rate
+    return own + crossing_time(settings)
+
+
+def lost_in_a_row(channel: ChannelSettings | None) -> int:
+    """Return the number of successive packets that are lost with a probability of `RARE`."""
+    loss = channel.loss if channel else 0.0
+    return math.ceil(math.log(RARE) / math.log(loss)) if loss else 0
+
+
+def crossing_time(settings: TrialSettings) -> float:
+    """Return the time in which the command of the slave crosses a known lost motion [s].
+
+    The supervisor limits the speed of the slave towards the specimen (`APPROACH_TIME`).
+    """
+    if not settings.lost_motion_known:
+        return 0.0
+    travel = 2.0 * settings.link_transmission.lost_motion
+    speed = settings.limits.soft_force / (expected_stiffness(settings) * APPROACH_TIME)
+    return travel / speed
 
 
 def slave_lag(settings: TrialSettings) -> float:

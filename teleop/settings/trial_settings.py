@@ -417,11 +417,9 @@ class TrialSettings:
     def link_transmission(self) -> TransmissionCalibration:
         """Lag, lost motion and compliance for which the link between the axes corrects."""
         known, lost, lag = self.transmission, self.lost_motion, self.force_lag
-        return replace(
-            known,
-            force_lag=known.force_lag if lag is None else lag,
-            lost_motion=known.lost_motion if lost is None else lost,
-        )
+        if lost is not None:  # a stated value may be a guess
+            known = replace(known, lost_motion=lost, lost_motion_error=0.3 * lost)
+        return known if lag is None else replace(known, force_lag=lag)
 
     @property
     def lost_motion_known(self) -> bool:

@@ -171,6 +171,10 @@ class SlaveHalf:
         """Reset the law to its initial state. This is done each time the drives are armed."""
         self._tip.reset()
 
+    def tip(self, measurement: Measurement) -> float:
+        """Return the position of the tip of the slave at rest [m]."""
+        return measurement.slave_position - self._compliance * measurement.contact_force
+
     def observe(self, pair: Pair) -> None:
         """Process a slave position and a contact force that were measured at the same time.
 

@@ -75,6 +75,8 @@ class Rendering(NamedTuple):
     bandwidth_hz: float = math.nan
     """Transparency bandwidth: frequency up to which the impedance that the hand felt differs by
     less than `NOTICEABLE` from that of the tissue [Hz]."""
+    evaluated_hz: float = math.nan
+    """Highest frequency at which the hand moved enough to compare the impedances [Hz]."""
     energy_min_j: float = math.nan
     """Smallest value in the trial of the energy that the hand has given to the displayed
     environment since the start [J]. A negative value means that the environment gave energy to the
@@ -208,6 +210,10 @@ class Comparison(NamedTuple):
     """Force of the tissue in the motion of the hand [N]."""
     tissue_misfit: float
     """Relative rms error of the law of the tissue."""
+    damping: float
+    """Damping in the law of the tissue, at the slave [N s/m]."""
+    damping_error: float
+    """Standard deviation of this damping [N s/m]."""
 
     def impedance_error(self) -> tuple[Floats, Floats]:
         """Return frequencies [Hz] and the relative error of the impedance at each of them.
@@ -233,8 +239,9 @@ class Comparison(NamedTuple):
     def bandwidth(self) -> float:
         """Return the frequency up to which a person does not notice the error [Hz]."""
         frequency, error = self.impedance_error()
-        wrong = np.flatnonzero(error > NOTICEABLE)
-        count = int(wrong[0]) if len(wrong) else len(error)
+        wrong = error > NOTICEABLE
+        twice = np.flatnonzero(wrong[:-1] & wrong[1:])  # one frequency can be noise
+        count = int(twice[0]) if len(twice) else len(error)
         return float(frequency[count - 1]) if count else math.nan
 
 
@@ -347,7 +354,10 @@ class RunningRendering:
         misfit = float(np.linalg.norm(force - terms @ law) / np.linalg.norm(force))
         p, v = blocks.handle, blocks.handle_velocity
         correct = self._in_series(law, p, v)
-        return Comparison(p, v, blocks.felt, correct, misfit)
+        noise = misfit * float(np.linalg.norm(force)) / math.sqrt(len(force))
+        spread = np.linalg.pinv(terms.T @ terms / np.outer(size, size))[2, 2]
+        deviation = noise * math.sqrt(max(float(spread), 0.0)) / float(size[2])
+        return Comparison(p, v, blocks.felt, correct, misfit, float(law[2]), deviation)
 
     def _in_series(self, law: Floats, p: Floats, v: Floats) -> Floats:
         """Return the force of the tissue at the hand, in series with the virtual coupling [N].
@@ -390,7 +400,7 @@ class RunningRendering:
         )
         if not compared or found is None:
             return rendering
-        p, v, felt, correct, _ = found
+        p, v, felt, correct, *_ = found
         square = float(p[used] @ p[used])
         if square == 0.0:
             return rendering
@@ -409,6 +419,7 @@ class RunningRendering:
                 blocks.sent_felt[contact], self._gain * blocks.force[contact]
             ),
             bandwidth_hz=found.bandwidth(),
+            evaluated_hz=float(np.max(found.impedance_error()[0], initial=0.0)),
         )
 
     def _remarks(self, blocks: Blocks, found: Comparison | None, count: int) -> Iterator[str]:
@@ -447,13 +458,23 @@ class RunningRendering:
         if found.tissue_misfit > MOST_TISSUE_MISFIT:
             yield (
                 "the force at the slave is not one function of depth and speed (misfit "
-                f"{found.tissue_misfit:.0%}): the specimen changed, relaxed or was left; the "
-                "errors are those against its mean"
+                f"{found.tissue_misfit:.0%}): the specimen changed, relaxed or was left, or the "
+                "lost motion is wrong; the errors are those against its mean"
+            )
+        if found.damping < -3.0 * found.damping_error:
+            yield (
+                f"the damping of the tissue is negative ({found.damping:.2g} N s/m): the lag or "
+                "the lost motion of the slave is wrong, and so is what the hand felt"
             )
         if not self._is_calibrated:
             yield (
                 "the transmission of the slave is not calibrated: the stiffness is that at the "
                 "encoder, in series with the transmission"
+            )
+        elif self._compliance == 0.0:
+            yield (
+                "the compliance of the slave's transmission is not calibrated: the stiffness is "
+                "that in series with the transmission"
             )
         contact = np.abs(blocks.force) * self._gain > LEAST_FORCE
         at_slave = self._scale * blocks.sent_handle[contact]

@@ -55,6 +55,22 @@ def test_without_jitter_and_loss_the_motion_is_that_of_the_newest_packet():
             assert playout.time == pytest.approx(now - 0.05)
 
 
+def test_after_an_outage_the_delay_is_again_that_of_the_channel():
+    """Otherwise, the delay of one outage would remain for seconds in the loop of the feedback."""
+    direction = Direction(ChannelSettings(0.008, 0.002), "3", motion(0.0))
+    playout = Playout(0.010)
+    playout.reset(0.0, motion(0.0))
+    for n in range(800):
+        now = n * DT
+        direction.cut = 0.3 < now < 0.39
+        newest = direction.exchange(now, motion(now))
+        found = playout.update(now, direction.sent, newest)
+        if 0.37 < now < 0.39:
+            assert found.velocity == 0.0
+        if now > 0.42:
+            assert now - playout.time < 0.0125
+
+
 def test_while_no_packet_arrives_the_motion_stops():
     playout = Playout()
     playout.reset(0.0, MasterMotion(0.0))

@@ -180,6 +180,24 @@ def test_on_a_rig_the_arm_is_not_assumed_to_damp():
             assert check_feedback(trial) == ""
 
 
+def test_the_loss_of_the_channel_is_a_delay():
+    assert check_feedback(settings("position-force", ChannelSettings(1e-3))) == ""
+    with pytest.raises(InputError, match="unstable"):
+        check_feedback(settings("position-force", ChannelSettings(1e-3, loss=0.3)))
+
+
+def test_a_lost_motion_that_the_slave_cannot_cross_is_refused():
+    trial = settings("model-mediated", lost_motion=2e-3)
+    with pytest.raises(InputError, match="lost motion of 2000 um.*expected at most"):
+        check_feedback(trial)
+
+
+def test_a_stated_lost_motion_is_checked_with_its_possible_error():
+    stated = settings("position-force", lost_motion=1e-3)
+    with pytest.raises(InputError, match="lost motion of 1000 um.*would oscillate by"):
+        check_feedback(stated)
+
+
 @pytest.mark.parametrize("law", ["none", "position-force"])
 def test_a_law_without_a_model_approaches_by_the_expected_stiffness_of_the_specimen(law):
     simulated = settings(law, ChannelSettings(0.05))
@@ -266,6 +284,7 @@ def test_the_summary_reports_what_the_hand_felt(capsys):
         "felt_force_error",
         "contact_force_error",
         "bandwidth_hz",
+        "evaluated_hz",
         "energy_min_j",
         "outcome",
         "stable",

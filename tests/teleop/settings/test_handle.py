@@ -172,8 +172,9 @@ def test_a_force_slave_of_a_hardware_rig_is_described_in_the_rig_file():
 
 
 def test_the_check_of_position_force_includes_the_lag_of_the_slave(tmp_path):
-    from teleop.settings.feedback_checks import lag, sensor_lag
+    from teleop.settings.feedback_checks import crossing_time, lag, sensor_lag
 
-    assert lag(TRIAL) == pytest.approx(sensor_lag(TRIAL) + 1.0 / (2.0 * math.pi * 80.0) + 1.5e-3)
+    rest = lag(TRIAL) - crossing_time(TRIAL)
+    assert rest == pytest.approx(sensor_lag(TRIAL) + 1.0 / (2.0 * math.pi * 80.0) + 1.5e-3)
     coupled = replace(TRIAL, force_master=ForceMaster(latency=1))
     assert lag(coupled) == pytest.approx(lag(TRIAL) + 3e-3)
