@@ -145,7 +145,8 @@ class TrialSettings:
     the calibrated lag of the rig, or 0 with another conditioning."""
     lost_motion: Annotated[Metres | None, Field(alias="lost_motion_m", ge=0.0)] = None
     """Half width of the play between encoder and tip [m], for which the conditioning corrects the
-    position. Default: the calibrated lost motion of the rig."""
+    position. With force feedback or a channel, the command of the slave crosses this play at each
+    reversal. Default: the calibrated lost motion of the rig."""
     preset: Annotated[Preset | None, Field(alias="custom_preset")] = None
     """All settings of the estimators. Default: those of the paper, with the adaptation gain for the
     cube. On a hardware rig, this gain is that for the soft cube times (d / depth)^2, where d is the

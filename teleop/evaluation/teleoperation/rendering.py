@@ -305,7 +305,8 @@ class RunningRendering:
         if self._prior is not None:
             displayed = active["model_stiffness"][settled]
             self._of_prior += int(np.isclose(displayed, self._prior).sum())
-        handle_end = felt.position + active["drive_force"] / self._coupling_k
+        # without the stretch that moves virtual mass and damping, which are no part of the tissue
+        handle_end = felt.position + felt.force / self._coupling_k
         handle = handle_end - 0.5 * felt.velocity * dt  # the force is the mean over the tick
         tip = self._lag.run(self._play.run(active["slave_position"]), dt) - self._compliance * f
         if not self._glued:
