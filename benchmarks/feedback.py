@@ -162,7 +162,7 @@ def summarise(rows: list[Row], keys: Iterable[str]) -> None:
     """Print one line for each group of trials: medians and worst values."""
     print(
         f"{'case':<38}{'stable':>8}{'k error: median, worst':>23}{'force error':>16}"
-        f"{'within':>9}{'felt b':>8}{'shakes':>9}{'energy':>10}{'soft':>6}{'hard':>6}  stops"
+        f"{'within':>9}{'felt b':>8}{'shakes':>9}{'energy':>10}{'F/Fs':>6}{'F/Fh':>6}  stops"
     )
     groups: dict[tuple[Any, ...], list[Row]] = {}
     for row in rows:
