@@ -35,6 +35,11 @@ class Environment(NamedTuple):
         force = b * v + (k + k3 * x * x) * x
         return force if glued else max(force, 0.0)
 
+    def slope(self, x: float) -> float:
+        """Return the derivative of the elastic force with respect to x [N/m]."""
+        k, k3, _, glued = self
+        return k + 3.0 * k3 * x * x if x >= 0.0 or glued else 0.0
+
     def energy(self, x: float) -> float:
         """Return the elastic energy that the body stores [J] at displacement x [m]."""
         square = x * x if x > 0.0 or self.glued else 0.0

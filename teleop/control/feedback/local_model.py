@@ -346,11 +346,8 @@ class ModelMediatedSlave(SlaveHalf):
 
     def load(self, tip: float, measurement: Measurement) -> tuple[float, float]:
         """Return the contact force of the model [N] with the tip at a position, and its slope."""
-        k, k3, _, glued = self._local.model
-        if tip < 0.0 and not glued:
-            return 0.0, 0.0
-        square = tip * tip
-        return (k + k3 * square) * tip, k + 3.0 * k3 * square
+        model = self._local.model
+        return model.force(tip, 0.0), model.slope(tip)
 
     def stiffness(self, position: float) -> float:
         """Return the expected slope of the contact force over the position of the slave [N/m].

@@ -236,13 +236,17 @@ class Comparison(NamedTuple):
         of_tissue = np.abs(np.sum(correct * v.conj(), axis=0))
         return frequency[used], (difference / np.maximum(of_tissue, 1e-12))[used]
 
-    def bandwidth(self) -> float:
-        """Return the frequency up to which a person does not notice the error [Hz]."""
+    def bandwidth(self) -> tuple[float, float]:
+        """Return the frequency up to which a person does not notice the error, and the highest one.
+
+        Both are in Hz. The second one is the highest frequency that was evaluated.
+        """
         frequency, error = self.impedance_error()
         wrong = error > NOTICEABLE
         twice = np.flatnonzero(wrong[:-1] & wrong[1:])  # one frequency can be noise
         count = int(twice[0]) if len(twice) else len(error)
-        return float(frequency[count - 1]) if count else math.nan
+        highest = float(np.max(frequency, initial=0.0))
+        return float(frequency[count - 1]) if count else math.nan, highest
 
 
 class RunningRendering:
@@ -410,6 +414,7 @@ class RunningRendering:
         fits = np.linalg.lstsq(terms / terms_size, np.stack((felt, correct), 1)[used], rcond=1e-9)
         (rendered_b, tissue_b) = fits[0][2] / terms_size[2]
         contact = self._gain * np.abs(blocks.force) > LEAST_FORCE
+        bandwidth, highest = found.bandwidth()
         return rendering._replace(
             rendered_k=float(felt[used] @ p[used]) / square,
             rendered_k_error=float(felt[used] @ p[used] / (correct[used] @ p[used]) - 1.0),
@@ -419,8 +424,8 @@ class RunningRendering:
             contact_force_error=relative_error(
                 blocks.sent_felt[contact], self._gain * blocks.force[contact]
             ),
-            bandwidth_hz=found.bandwidth(),
-            evaluated_hz=float(np.max(found.impedance_error()[0], initial=0.0)),
+            bandwidth_hz=bandwidth,
+            evaluated_hz=highest,
         )
 
     def _remarks(self, blocks: Blocks, found: Comparison | None, count: int) -> Iterator[str]:
