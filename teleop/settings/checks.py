@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
-from teleop.control.conditions import BY_HAND, CONDITIONS
+from teleop.control.conditions import BY_HAND, CONDITIONS, Condition
 from teleop.errors import InputError
 from teleop.settings import ranges
 
@@ -55,17 +55,16 @@ def inconsistent_values(settings: TrialSettings) -> Iterator[str]:
             f"class {settings.custom_condition.name} of the condition: expected another name than "
             f"{', '.join(CONDITIONS)}"
         )
-    condition, motion = settings.named_condition, settings.intended_motion
-    if settings.excitation.kind not in condition.signal_kinds:
-        kinds = " or ".join(condition.signal_kinds)
-        yield (
-            f"signal {settings.excitation.kind}: not in {settings.condition}: expected a {kinds}"
-        )
-    yield from settings.feedback.problems(settings.condition, None)
+    condition, motion = settings.performed_as, settings.intended_motion
+    if not accepts(condition, settings):
+        kinds, named = " or ".join(condition.signal_kinds), settings.signal_name
+        yield f"signal {named}: not in {settings.condition_name}: expected a {kinds}"
+    yield from settings.feedback.problems(settings.condition_name, settings.by_hand, None)
+    yield from problems_of_link(settings)
     if settings.operator_model.aim_force and not condition.is_free(motion):
-        free = [name for name, one in CONDITIONS.items() if one.is_free(motion)]
+        free = [name for name, one in CONDITIONS.items() if one().is_free(motion)]
         yield (
-            f"operator_model.aim_force: not in {settings.condition}: expected condition "
+            f"operator_model.aim_force: not in {settings.condition_name}: expected condition "
             f"{' or '.join(free)}"
         )
     try:
@@ -84,19 +83,25 @@ def inconsistent_values(settings: TrialSettings) -> Iterator[str]:
 
 def problems_of_rig(settings: TrialSettings) -> Iterator[str]:
     """Yield a message for each problem that depends on the rig and its limits."""
-    condition = settings.named_condition
+    condition = settings.performed_as
     target = condition.target_for(settings.intended_motion)
-    accepted = settings.excitation.kind in condition.signal_kinds
+    accepted = accepts(condition, settings)
     if target and accepted and settings.rig and settings.duration < target.shortest:
         yield (
             f"duration {settings.duration:g} s: expected count-in and two periods of the target, "
             f"{target.shortest:g} s or more"
         )
-    yield from settings.feedback.problems(settings.condition, settings.rig)
+    yield from settings.feedback.problems(settings.condition_name, settings.by_hand, settings.rig)
     yield from problems_of_handle(settings)
     yield from problems_of_slave(settings)
     if settings.rig and settings.clock != "real":
         yield "clock virtual: a hardware rig runs in real time: expected real"
+    custom = settings.custom_rig
+    if custom and custom.plug_in and settings.rig:
+        yield f"custom_rig {custom.name}: beside a rig file: expected one of them"
+    real = custom and custom.plug_in and not custom.properties.get("virtual_time")
+    if custom and real and settings.clock != "real":
+        yield f"clock virtual: the rig {custom.name} runs in real time: expected real"
     try:
         settings.tare.check(settings.rig_name)
     except InputError as error:
@@ -142,15 +147,34 @@ def problems_of_rig(settings: TrialSettings) -> Iterator[str]:
         yield f"tare: {error}"
 
 
+def accepts(condition: Condition, settings: TrialSettings) -> bool:
+    """Return whether a condition accepts the excitation signal of the settings."""
+    return not condition.signal_kinds or settings.signal_name in condition.signal_kinds
+
+
+def problems_of_link(settings: TrialSettings) -> Iterator[str]:
+    """Yield a message if a link of another package does not fit to other settings."""
+    if not settings.custom_link:
+        return
+    what = f"link {settings.custom_link.name}"
+    if settings.has_link:
+        yield f"{what}: not with force feedback or a channel: expected one of them"
+    if settings.condition not in BY_HAND and not settings.custom_condition:
+        yield (
+            f"{what}: not in {settings.condition}, whose force moves the admittance of the "
+            f"settings: expected {' or '.join(BY_HAND)}"
+        )
+
+
 def problems_of_handle(settings: TrialSettings) -> Iterator[str]:
     """Yield a message if the rig lacks the handle, or the coupling of the handle is not passive."""
     rig, coupling = settings.rig, settings.master_coupling
     if rig and not (rig.sections.channels.master_force or coupling):
-        if settings.condition in BY_HAND:
+        if settings.by_hand:
             others = [name for name in CONDITIONS if name not in BY_HAND]
             yield (
-                f"condition {settings.condition}: the rig {rig.sections.name!r} has no handle: "
-                f"expected {' or '.join(others)}"
+                f"condition {settings.condition_name}: the rig {rig.sections.name!r} has no "
+                f"handle: expected {' or '.join(others)}"
             )
         return
     if settings.force_master and rig:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Annotated
 
@@ -14,6 +14,8 @@ from estimation import MODELS
 from teleop.control.tare import read_tare
 from teleop.errors import InputError
 from teleop.settings import ranges
+from teleop.settings.custom_class import CustomClass, stated_part
+from teleop.settings.plug_ins import PartName
 from teleop.settings.rig_loading import load_rig_file
 
 FILE = "file"
@@ -71,6 +73,19 @@ def rig_of(value: object, info: ValidationInfo) -> object:
     except (TypeError, KeyError) as error:
         raise ValueError("expected a path and the text of a rig file") from error
     return value
+
+
+def stated(part: PartName) -> Callable[[CustomClass | None], CustomClass | None]:
+    """Return a function that completes the statement about a part of another package."""
+
+    def complete(value: CustomClass | None) -> CustomClass | None:
+        """Return the complete statement."""
+        try:
+            return value and stated_part(part, value)
+        except InputError as error:
+            raise in_file(error) from error
+
+    return complete
 
 
 def folder(info: ValidationInfo) -> Path:
