@@ -88,6 +88,7 @@ FLAT = {
     "names",
     "software",
     "printable",
+    "testing",
     "vibration",
 }
 """Modules of `teleop` outside the rooms."""

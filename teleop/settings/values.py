@@ -24,6 +24,7 @@ FILE = "file"
 Seconds = Annotated[float, Field(json_schema_extra={"unit": "s"})]
 Hertz = Annotated[float, Field(json_schema_extra={"unit": "Hz"})]
 Metres = Annotated[float, Field(json_schema_extra={"unit": "m"})]
+Newtons = Annotated[float, Field(json_schema_extra={"unit": "N"})]
 ModelName = Annotated[str, Field(json_schema_extra={"enum": [*MODELS]})]
 
 
