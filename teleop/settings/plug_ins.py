@@ -111,7 +111,7 @@ def plug_in_class(part: PartName, name: str) -> Any:
         expected = f"one of {', '.join(known)}" if known else "an installed package that has it"
         if part == "rig":
             expected = f"a rig file{', or one of ' if known else ''}{', '.join(known)}"
-        raise InputError(f"{part} {name!r}: is not installed: {hint}expected {expected}")
+        raise InputError(f"{part} {name!r}: {hint}expected {expected}")
     try:
         found = checked_class(about.group, name, dict.fromkeys(about.built_in, ""), about.base)
     except ValueError as error:

@@ -57,7 +57,7 @@ def test_a_rig_class_runs_a_trial_and_is_recorded(installed):
 @pytest.mark.parametrize(
     ("name", "expected"),
     [
-        ("other", "rig 'other': is not installed: expected a rig file, or one of half, lost"),
+        ("other", "rig 'other': expected a rig file, or one of half, lost"),
         ("half", "My-Lab 2.1: my_lab_rig:Incomplete has no method close, enable, idle, read"),
         ("norig", "a rig of the package My-Lab 2.1: my_lab_rig:NoRig is no class derived from Rig"),
         ("lost", "cannot be loaded: AttributeError"),
