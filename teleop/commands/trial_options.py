@@ -40,6 +40,10 @@ class TrialOptions:
     """Control condition: the operator palpates freely (free); the operator moves the slave along a
     sine (mimic); an excitation signal moves the slave, and nobody holds the handle (autonomous); or
     the name of a condition of another package, see `teleop list conditions`. Default: free."""
+    protocol: str | None = None
+    """Protocol in place of a condition, with phases such as ramps, holds and sines, by position or
+    by force: stress-relaxation, dynamic-sweep, creep, or a file (TOML). The duration is that of the
+    protocol."""
     rig: Path | None = None
     """Rig file (TOML) that lists the devices of the rig, or the name of a rig class of an installed
     package. Default: the simulated rig."""
@@ -113,11 +117,20 @@ class TrialOptions:
         from teleop.errors import InputError, as_input_error
         from teleop.settings.configuration import read_configuration
         from teleop.settings.plug_ins import PARTS, is_rig_file
+        from teleop.settings.protocol_files import load_protocol
         from teleop.settings.rig_loading import load_rig_file
         from teleop.settings.trial_settings import TrialSettings
 
         settings = read_configuration(self.config) if self.config else TrialSettings()
         given = {name: value for name, value in vars(self).items() if value is not None}
+        if self.protocol:
+            if self.condition:
+                raise InputError("--protocol and --condition: expected at most one of them")
+            given["protocol"] = protocol = load_protocol(self.protocol)
+            given.setdefault("duration", protocol.longest)
+            given["custom_condition"] = None
+        elif self.condition:
+            given["protocol"] = None
         named = {part: str(given.pop(part)) for part in PARTS if part in given}
         if self.rig:
             given.setdefault("rate", None)  # a recorded rate is that of the recorded rig

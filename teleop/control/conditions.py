@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import ClassVar, Literal
 
 from drivers import Measurement
+from estimation.transmission import RIGID, TransmissionCalibration
 from teleop.control.admittance import AdmittanceParameters
 from teleop.control.excitation_signals import Signal
 from teleop.control.injector import Injector, ramp_time
@@ -33,6 +34,10 @@ class IntendedMotion:
     admittance: AdmittanceParameters
     scale: float
     """Ratio of the motion of the slave to the motion of the master."""
+    transmission: TransmissionCalibration = RIGID
+    """Known lost motion and compliance between the encoder and the tip of the slave."""
+    resolution: float = 0.0
+    """Smallest change of position that the encoder of the slave measures [m]."""
 
 
 class Condition(ABC):
@@ -53,6 +58,10 @@ class Condition(ABC):
 
     finished = False
     """Whether the condition has finished. The trial then ends, even before its full duration."""
+    ending = ""
+    """Reason why the condition has finished before its purpose was reached; empty if it was."""
+    phase = math.nan
+    """Number of the present step of a protocol, from 0; NaN in a condition without steps."""
 
     def prepare(self, motion: IntendedMotion) -> None:  # noqa: B027
         """Prepare a trial with these settings. It is called once, before the first tick."""

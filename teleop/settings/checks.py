@@ -6,7 +6,9 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from teleop.control.conditions import BY_HAND, CONDITIONS, Condition
+from teleop.control.protocol import LAG, ProtocolSettings
 from teleop.errors import InputError
+from teleop.safety import Limits
 from teleop.settings import ranges
 
 if TYPE_CHECKING:
@@ -37,9 +39,9 @@ def check_settings(settings: TrialSettings) -> None:
     own = [*inconsistent_values(settings)]
     fastest = 0.05 * settings.loop_rate
     of_rig: list[str] = []
-    if settings.excitation.highest > fastest:
+    if settings.highest_frequency > fastest:
         own.append(
-            f"frequency {settings.excitation.highest:g} Hz in the excitation: expected at most "
+            f"frequency {settings.highest_frequency:g} Hz in the excitation: expected at most "
             f"a twentieth of the rate, {fastest:g} Hz"
         )
     else:  # the limits depend on the frequency
@@ -72,6 +74,8 @@ def inconsistent_values(settings: TrialSettings) -> Iterator[str]:
         settings.estimation_preset.bank()
     except ValueError as error:
         yield from str(error).splitlines()
+    if settings.protocol:
+        yield from problems_of_protocol(settings, settings.protocol)
     shortest, longest = 1.0 / settings.loop_rate, ranges.MOST_TICKS / settings.loop_rate
     if settings.duration < shortest:
         yield f"duration {settings.duration:g} s: expected at least one tick, {shortest:g} s"
@@ -125,6 +129,8 @@ def problems_of_rig(settings: TrialSettings) -> Iterator[str]:
             f"depth {settings.depth * 1e3:g} mm: expected at most {deepest * 1e3:g} mm, the soft "
             f"limit of the slave's position on the rig {settings.rig_name!r}"
         )
+    if settings.protocol:
+        yield from problems_of_phases(settings, settings.protocol, limits)
     coupling, gain = settings.master_coupling, settings.feedback.gain
     felt = gain * limits.soft_force if settings.feedback.law != "none" else 0.0
     if coupling and felt > coupling.max_force:
@@ -152,6 +158,19 @@ def accepts(condition: Condition, settings: TrialSettings) -> bool:
     return not condition.signal_kinds or settings.signal_name in condition.signal_kinds
 
 
+def problems_of_protocol(settings: TrialSettings, protocol: ProtocolSettings) -> Iterator[str]:
+    """Yield a message for each reason why a protocol cannot be performed with other settings."""
+    if settings.custom_condition:
+        yield "protocol: beside custom_condition: expected one of them"
+    if settings.custom_link:
+        yield f"link {settings.custom_link.name}: not in a protocol"
+    if settings.duration < protocol.longest:
+        yield (
+            f"duration {settings.duration:g} s: expected at least {protocol.longest:.4g} s, which "
+            "the protocol can take"
+        )
+
+
 def problems_of_link(settings: TrialSettings) -> Iterator[str]:
     """Yield a message if a link of another package does not fit to other settings."""
     if not settings.custom_link:
@@ -163,6 +182,30 @@ def problems_of_link(settings: TrialSettings) -> Iterator[str]:
         yield (
             f"{what}: not in {settings.condition}, whose force moves the admittance of the "
             f"settings: expected {' or '.join(BY_HAND)}"
+        )
+
+
+def problems_of_phases(
+    settings: TrialSettings, protocol: ProtocolSettings, limits: Limits
+) -> Iterator[str]:
+    """Yield a message for each phase that does not respect the limits of the rig."""
+    depth, lag = settings.setup.depth, settings.transmission.force_lag
+    for number, phase in enumerate(protocol.phases, start=1):
+        what = f"protocol, phase {number} ({phase.kind})"
+        if phase.deepest > depth * (1.0 + 1e-9):
+            yield (
+                f"{what}: depth {phase.deepest * 1e3:g} mm: expected at most the depth of the "
+                f"trial, {depth * 1e3:.4g} mm"
+            )
+        if phase.largest_force > limits.soft_force:
+            yield (
+                f"{what}: force {phase.largest_force:g} N: expected at most the soft force limit, "
+                f"{limits.soft_force:.3g} N"
+            )
+    if protocol.largest_force and lag > LAG:
+        yield (
+            f"protocol: the contact force has a lag of {lag * 1e3:.3g} ms: expected at most "
+            f"{LAG * 1e3:g} ms, with which the force can be controlled"
         )
 
 

@@ -50,6 +50,7 @@ from teleop.control.coupling import Coupling
 from teleop.control.excitation_signals import AnySignal, Signal, Sine
 from teleop.control.feedback.settings import FeedbackSettings
 from teleop.control.hand_observer import HandObserver
+from teleop.control.protocol import Protocol, ProtocolSettings
 from teleop.control.tare import NO_TARE, Tare
 from teleop.control.target import Target
 from teleop.names import (
@@ -78,6 +79,7 @@ from teleop.settings.values import (
     Seconds,
     model_of,
     one_line,
+    protocol_named,
     rig_of,
     stated,
     tare_of,
@@ -181,6 +183,11 @@ class TrialSettings:
     """The hardware rig. Default: the simulated rig."""
     depth: Annotated[Metres | None, Field(alias="depth_m", gt=0.0, le=ranges.DEEPEST)] = None
     """Depth of palpation [m], required on a hardware rig. Default: the depth in the paper."""
+    protocol: Annotated[
+        ProtocolSettings | None, BeforeValidator(protocol_named, str | ProtocolSettings | None)
+    ] = None
+    """Protocol that the slave performs in place of `condition`: the name of one of this package,
+    the path of a file, or a table with a list of phases."""
     custom_condition: Annotated[CustomClass | None, AfterValidator(stated("condition"))] = None
     """Condition of another package that replaces `condition`: its name and its parameters. Also the
     class passed to `run_trial(condition=...)`; `condition` then selects the simulated operator."""
@@ -236,7 +243,7 @@ class TrialSettings:
         """
         if self.custom_condition and self.custom_condition.plug_in:
             return known_condition(self.custom_condition)
-        return CONDITIONS[self.condition]()
+        return Protocol(self.protocol) if self.protocol else CONDITIONS[self.condition]()
 
     @property
     def known_condition(self) -> Condition:
@@ -255,6 +262,8 @@ class TrialSettings:
             self.duration,
             self.admittance,
             self.coupling.scale,
+            self.link_transmission,
+            self.encoder_resolution,
         )
 
     @property
@@ -272,7 +281,14 @@ class TrialSettings:
     @property
     def condition_name(self) -> str:
         """Name of the control condition, or of the class that replaced it."""
-        return self.custom_condition.name if self.custom_condition else self.condition
+        if self.custom_condition:
+            return self.custom_condition.name
+        return "protocol" if self.protocol else self.condition
+
+    @property
+    def highest_frequency(self) -> float:
+        """Highest frequency of the intended motion [Hz]."""
+        return self.protocol.highest if self.protocol else self.excitation.highest
 
     @property
     def signal_name(self) -> str:
@@ -396,7 +412,7 @@ class TrialSettings:
             setup.cube.fast,
             setup.depth,
             self.coupling.scale,
-            self.excitation.highest,
+            self.highest_frequency,
             1.0 / loop.stiffness if loop else self.plant_parameters.slave_compliance,
             setup.transmission,
             self.force_master,

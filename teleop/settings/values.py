@@ -16,6 +16,7 @@ from teleop.errors import InputError
 from teleop.settings import ranges
 from teleop.settings.custom_class import CustomClass, stated_part
 from teleop.settings.plug_ins import PartName
+from teleop.settings.protocol_files import load_protocol
 from teleop.settings.rig_loading import load_rig_file
 
 FILE = "file"
@@ -87,6 +88,14 @@ def stated(part: PartName) -> Callable[[CustomClass | None], CustomClass | None]
             raise in_file(error) from error
 
     return complete
+
+
+def protocol_named(value: object, info: ValidationInfo) -> object:
+    """Return the protocol with a name or of a file. Other values remain, for pydantic to check."""
+    try:
+        return load_protocol(value, folder(info)) if isinstance(value, str) else value
+    except InputError as error:
+        raise in_file(error) from error
 
 
 def folder(info: ValidationInfo) -> Path:

@@ -16,8 +16,8 @@ from pydantic import BaseModel, ConfigDict, Field, StringConstraints, Validation
 from sim_backend import CUBES
 from teleop.control.conditions import CONDITIONS
 from teleop.errors import invalid_lines
-from teleop.settings.configuration import read_toml
 from teleop.settings.plug_ins import is_rig_file
+from teleop.settings.toml_files import read_toml
 from teleop.studies.series.order import OrderName
 
 Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,40}$")]
