@@ -173,6 +173,7 @@ def estimate(
     from teleop.output.console import print_json
     from teleop.output.estimate_tables import print_evaluation
     from teleop.output.result_tables import print_together
+    from teleop.trial.recorded_trial import with_steps
 
     files = (file, *more)
     if more and (out or figures.plot or figures.plot_force):
@@ -200,6 +201,7 @@ def estimate(
             **material(evaluation, tip),
             **recorded(evaluation, recording),
         }
+        summary = with_steps(summary, recording, path)
         if not json:
             print_evaluation(summary, path.name, details)
         evaluations[str(path)] = evaluation

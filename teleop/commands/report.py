@@ -53,7 +53,12 @@ def report(
     from teleop.output import console
     from teleop.output.report_page import report_page
     from teleop.output.trial_tables import felt_lines
-    from teleop.trial.recorded_trial import recorded_motion, recorded_tracking, true_result
+    from teleop.trial.recorded_trial import (
+        recorded_motion,
+        recorded_tracking,
+        true_result,
+        with_steps,
+    )
     from teleop.trial.trial_statistics import felt, recorded_rendering
 
     page = out or file.with_suffix(".html")
@@ -79,7 +84,9 @@ def report(
     if rendering and recording:
         measures = felt(rendering, recording.fault)
         texts = [*felt_lines(measures._asdict()), *measures.remarks]
-    about = (truth, link, tracking, motion, true, rendering, texts)
+    summary = summary and with_steps(summary, recording, file)
+    steps = summary["steps"] if summary else []
+    about = (truth, link, tracking, motion, true, rendering, texts, steps)
     text = report_page(file.name, evaluation, summary, recording, *about)
     write_text(page, text, overwrite)
     if json:

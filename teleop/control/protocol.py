@@ -45,12 +45,17 @@ STIFF = 50e3
 """Stiffness that is assumed until the slave has felt that of the specimen [N/m]."""
 MEMORY = 0.3
 """Time constant of the averages from which the stiffness is computed [s]."""
-LEAST_TRAVEL = 30e-6
-"""Standard deviation of the position from which on the stiffness is computed [m]."""
+LEAST_TRAVEL = 5e-6
+"""Standard deviation of the position from which on the stiffness is computed [m]; at least three
+steps of the encoder."""
 AVERAGING = 0.05
 """Time constant of the average of the force with which the force is held [s]."""
+HELD = 0.01
+"""Error of the average force, relative to its reference, below which the average is controlled."""
 CROSSINGS = 8
 """Number of crossings of the reference force within `CROSSING_TIME` that are an oscillation."""
+NOISES = 6.0
+"""Smallest crossing, relative to the mean size of the noise."""
 CROSSING_TIME = 2.0
 """Time in which crossings are counted [s]."""
 CROSSING_SIZE = 0.15
@@ -126,7 +131,7 @@ class Protocol(Condition):
         self._offset = Offset(self._lost)
         self._deadband = 2.0 * motion.resolution
         self._play = Play(self._lost)
-        self._felt = FeltStiffness()
+        self._felt = FeltStiffness(max(LEAST_TRAVEL, 3.0 * motion.resolution))
         self._crossings = Crossings()
         self._index = -1
         self._zero = 0.0
@@ -151,10 +156,10 @@ class Protocol(Condition):
         if self.finished:
             return self._mass.force(0.0, dt)
         if self._index < 0:
-            self._next(t, tip)
+            self._next(t, tip, f)
         self._felt.update(tip, f, dt)
         if self._over(self._steps[self._index], t, tip, f):
-            self._next(t, tip)
+            self._next(t, tip, f)
         if self.finished:
             return self._mass.force(0.0, dt)
         step = self._steps[self._index]
@@ -170,8 +175,9 @@ class Protocol(Condition):
             velocity = rate + offset.rate + FOLLOWING * beyond
         else:
             lag = LAG + 2.0 * dt
-            if isinstance(step, Stay):  # the average has less noise
-                velocity = (value - self._felt.force) / (4.0 * (lag + AVERAGING))
+            error = value - self._felt.force
+            if isinstance(step, Stay) and abs(error) < HELD * value:  # less noise
+                velocity = error / (4.0 * (lag + AVERAGING))
             else:
                 velocity = rate + (value - f) / (4.0 * lag)
             velocity /= self._felt.stiffness
@@ -193,7 +199,7 @@ class Protocol(Condition):
             return False
         return elapsed >= step.duration(self._start)
 
-    def _next(self, t: float, tip: float) -> None:
+    def _next(self, t: float, tip: float, f: float) -> None:
         """Begin the next step, from the last reference if the controlled quantity is the same."""
         self._index += 1
         if self._index == len(self._steps):
@@ -202,7 +208,8 @@ class Protocol(Condition):
         last = self._by if self._index else ""
         step = self._steps[self._index]
         kept = last == step.by and not self._after_approach
-        present = tip - self._zero if step.by == "position" else self._felt.force
+        force = f if self._after_approach else self._felt.force
+        present = tip - self._zero if step.by == "position" else force
         self._start = self._value if kept else present
         self._by, self._begin, self.phase = step.by, t, float(self._index)
         self._crossings = Crossings()
@@ -267,9 +274,16 @@ class Offset:
 
 
 class FeltStiffness:
-    """Stiffness that the slave feels: the slope of the contact force over the recent positions."""
+    """Stiffness that the slave feels: the slope of the contact force over the recent positions.
 
-    def __init__(self) -> None:
+    Parameters
+    ----------
+    least_travel
+        Standard deviation of the positions from which on the slope is used [m].
+    """
+
+    def __init__(self, least_travel: float) -> None:
+        self._least = least_travel**2
         self.stiffness = STIFF
         """Stiffness [N/m]; `STIFF` before the slave has moved in contact."""
         self.force = 0.0
@@ -289,22 +303,29 @@ class FeltStiffness:
         self._f += share * df
         self._xx += share * ((1.0 - share) * dx * dx - self._xx)
         self._xf += share * ((1.0 - share) * dx * df - self._xf)
-        if self._xx > LEAST_TRAVEL**2 and self._xf > 0.0:
+        if self._xx > self._least and self._xf > 0.0:
             slope = self._xf / self._xx
             if slope > 0.02 * self.stiffness:  # not out of contact
                 self.stiffness = slope
 
 
 class Crossings:
-    """Counts how often the contact force crosses its reference by more than a part of it."""
+    """Counts how often the contact force crosses its reference by more than a part of it.
+
+    A crossing must be larger than the noise, which the successive differences of the force show.
+    """
 
     def __init__(self) -> None:
         self._side = 0
         self._times: list[float] = []
+        self._last, self._noise = math.nan, 0.0
 
     def update(self, t: float, force: float, reference: float) -> bool:
         """Return whether the force oscillates about its reference."""
-        size = CROSSING_SIZE * abs(reference)
+        if not math.isnan(self._last):
+            self._noise += 0.01 * (abs(force - self._last) - self._noise)
+        self._last = force
+        size = max(CROSSING_SIZE * abs(reference), NOISES * self._noise)
         side = (force > reference + size) - (force < reference - size)
         if side and side != self._side:
             if self._side:

@@ -18,6 +18,7 @@ NAMES = (
     "contact_force",
     "slave_velocity",
     "target",
+    "phase",
     "drive_force",
     "x",
     "v",

@@ -19,6 +19,7 @@ from teleop.output.result_tables import (
     print_result_details,
     with_half,
 )
+from teleop.output.step_tables import print_steps
 from teleop.recording.gaps import Gap, missing_text
 
 LARGE_JITTER = 20.0
@@ -235,6 +236,8 @@ def print_evaluation(summary: Mapping[str, Any], name: str, details: bool) -> No
         print_models(summary)
     else:
         print_best_model(summary)
+    if summary.get("steps"):
+        print_steps(summary["steps"])
     print_online(summary, {LEAST_SQUARES: summary["least_squares"]}, details)
     for line in evaluation_lines(summary) if details else left_out_lines(summary):
         console.print(f"  {line}")

@@ -29,7 +29,7 @@ from teleop.output.estimate_tables import (
     further_lines,
 )
 from teleop.output.fault_report import fault_text
-from teleop.output.fit_figures import depth_figure, fit_figure
+from teleop.output.fit_figures import complex_stiffness_figure, depth_figure, fit_figure
 from teleop.output.report_result import estimate_rows, values_of
 from teleop.output.result_tables import (
     complex_lines,
@@ -38,6 +38,7 @@ from teleop.output.result_tables import (
     result_lines,
     tangent_lines,
 )
+from teleop.output.step_tables import dynamic_rows, step_lines, step_tables
 from teleop.output.trial_figures import (
     ambiguity_figure,
     fault_figure,
@@ -77,6 +78,7 @@ def report_page(
     true: Mapping[str, float] | None = None,
     felt: RunningRendering | None = None,
     felt_texts: Sequence[str] = (),
+    steps: Sequence[Mapping[str, Any]] = (),
 ) -> str:
     """Return a page with the results of a file.
 
@@ -84,14 +86,20 @@ def report_page(
     samples, `recording` if another program wrote the file. `link` is the path of the recording,
     relative to the folder of the page. `motion` has texts that describe the motion, by name. On the
     simulated rig, `truth` has the true values for the estimates, and `true` those of the result.
-    `felt` has what the hand felt with force feedback, and `felt_texts` describe it.
+    `felt` has what the hand felt with force feedback, and `felt_texts` describe it. `steps` are the
+    results of the steps of a protocol.
     """
     with figure_style("page"):
         values = of_recording(recording, motion or {})
         values |= of_evaluation(evaluation, summary, truth, true)
         if summary and not recording:
             values["about"] = [motion_line(summary)]
-        values["tracking"] = values["feedback"] = ""
+        values["tracking"] = values["feedback"] = values["steps"] = ""
+        if steps:
+            values |= {"steps": True, "step_tables": [*step_tables(steps)]}
+            values["step_lines"] = [*step_lines(steps)]
+            if len(rows := dynamic_rows(steps)) > 1:
+                values["step_drawing"] = svg(complex_stiffness_figure(rows))
         if felt and recording:
             values["feedback"] = svg(feedback_figure(felt))
             values["feedback_lines"] = felt_texts

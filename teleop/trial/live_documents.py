@@ -71,6 +71,7 @@ def trial_document(
         "number": number,
         "condition": settings.condition_name,
         "instruction": settings.known_condition.instruction,
+        "steps": [step.text for step in settings.protocol.steps] if settings.protocol else [],
         "introduction": introduction(settings),
         "explanations": explanations(settings.estimation_preset.estimators),
         "specimen": settings.palpated,

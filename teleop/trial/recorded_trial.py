@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from estimation.transmission import RIGID, TransmissionCalibration
 from sim_backend import Law, Setup
+from teleop.control.phases import Oscillate
 from teleop.errors import InputError
 from teleop.evaluation.reading.recorded import Last, recorded_settings
 from teleop.evaluation.settings import WHOLE, AveragedPart, EstimateSettings
 from teleop.evaluation.teleoperation.tracking import Tracking, tracking
-from teleop.recording.recording import Recording
+from teleop.recording.recording import Recording, load
 from teleop.recording.recording_file import RecordingFile
 from teleop.settings.documents import from_document
 from teleop.settings.trial_settings import TrialSettings
@@ -110,6 +113,55 @@ def recorded_tracking(recording: Recording) -> Tracking | None:
     """Return `tracking_of` for the settings in a recording; None without settings."""
     settings = trial_settings(recording)
     return tracking_of(recording, settings) if settings else None
+
+
+def recorded_steps(recording: Recording, path: Path | None) -> list[dict[str, Any]]:
+    """Return the results of the steps of a recorded protocol; empty for another trial.
+
+    The columns that `recording` lacks are read from its file `path`.
+    """
+    settings = trial_settings(recording)
+    if not (settings and settings.protocol):
+        return []
+    from teleop.evaluation.protocol.steps import StepPart, step_results  # imports scipy
+
+    if path and not recording.columns.keys() >= set(OF_STEPS):
+        recording = load(path, OF_STEPS.__contains__)
+    steps = [
+        StepPart(
+            step.phase,
+            step.kind,
+            step.text,
+            step.by,
+            step.tones[0][0] if isinstance(step, Oscillate) else math.nan,
+        )
+        for step in settings.protocol.steps
+    ]
+    new = np.isfinite(recording["paired_force"])
+    t, x, f, number = (recording[name][new] for name in OF_STEPS)
+    return step_results(t, x, f, number, steps, recorded_transmission(recording))
+
+
+def with_steps(
+    document: dict[str, Any], recording: Recording | None, path: Path | None
+) -> dict[str, Any]:
+    """Return the document of an evaluation with the results of the steps of a protocol.
+
+    The whole record of a protocol needs no k and b. Reasons against them would name faults of a
+    palpation that a protocol has on purpose, such as a force that does not change.
+    """
+    steps = recorded_steps(recording, path) if recording else []
+    result = document.get("result")
+    if steps and result and not result["identifiable"]:
+        document = {**document, "result": {**result, "reasons": [SEE_STEPS], "hints": []}}
+    return {**document, "steps": steps}
+
+
+SEE_STEPS = "the whole record of this protocol has no single k and b: see its steps"
+
+
+OF_STEPS = ("time", "paired_position", "paired_force", "phase")
+"""Columns from which the steps of a protocol are evaluated."""
 
 
 def truth(settings: TrialSettings, depth: float) -> dict[str, Any]:

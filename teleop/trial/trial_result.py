@@ -20,13 +20,13 @@ from teleop.evaluation.reason import Reason
 from teleop.evaluation.settings import settings_summary
 from teleop.recording.recording import Recording
 from teleop.recording.recording_file import RecordingFile
-from teleop.trial.recorded_trial import estimate_settings, true_result
+from teleop.trial.recorded_trial import estimate_settings, true_result, with_steps
 
 FAILED = "the evaluation failed because of an error in the program"
 """Reason without k and b after an unexpected exception, which must not end a session."""
-PARTS = ("result", "best_model", "models", "transmission")
-"""Parts of the evaluation that are shown at the end of a trial: k and b, the fitted models, and the
-values for which k and b are corrected."""
+PARTS = ("result", "best_model", "models", "transmission", "steps")
+"""Parts of the evaluation that are shown at the end of a trial: k and b, the fitted models, the
+values for which k and b are corrected, and the steps of a protocol."""
 DRAWN = 800
 """Approximate largest number of samples in the picture of force over depth."""
 DIGITS = 5
@@ -54,6 +54,7 @@ def trial_result(ticks: Recording | RecordingFile, recorded: Path | None) -> Tri
     try:
         evaluation, stated, recording = evaluated(ticks, recorded)
         document = {**stated, **evaluation.batch_summary()}
+        document = with_steps(document, recording, recorded_path(ticks, recorded))
         return TrialResult(
             {name: document[name] for name in PARTS},
             force_over_depth(evaluation),
@@ -69,15 +70,21 @@ def without(reason: str) -> TrialResult:
     """Return a result without k and b."""
     result = without_result([Reason(reason)]).summary()
     return TrialResult(
-        {"result": result, "best_model": None, "models": [], "transmission": None}, None
+        {"result": result, "best_model": None, "models": [], "transmission": None, "steps": []},
+        None,
     )
+
+
+def recorded_path(ticks: Recording | RecordingFile, recorded: Path | None) -> Path | None:
+    """Return the file of a trial; None if it is in memory only."""
+    return ticks.path if isinstance(ticks, RecordingFile) else recorded
 
 
 def evaluated(
     ticks: Recording | RecordingFile, recorded: Path | None
 ) -> tuple[Evaluation, dict[str, Any], Recording]:
     """Evaluate a trial; return evaluation, settings that influenced it, and its recording."""
-    path = ticks.path if isinstance(ticks, RecordingFile) else recorded
+    path = recorded_path(ticks, recorded)
     if path:
         file = RecordedSamples(path, is_replayed)
         samples: Samples = file

@@ -145,7 +145,15 @@ function showView() {
 view.onChange(showView);
 showView();
 
+// Return the present step of a protocol; empty in other trials.
+function presentStep() {
+  const steps = trial?.steps ?? [];
+  const step = store.count ? store.last("phase") : NaN;
+  return steps[step] ? `Step ${step + 1} of ${steps.length}: ${steps[step]}` : "";
+}
+
 function hint() {
+  if (presentStep()) return presentStep();
   if (!welcome || !welcome.pointer || !status.state) return "";
   if (!["ready", "active"].includes(status.state.mode)) return "";
   if (status.state.control === "other") return "Another page has control.";

@@ -1,0 +1,1 @@
+"""Evaluate the steps of a protocol: relaxation, creep, and complex stiffness."""
