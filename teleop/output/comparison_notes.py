@@ -35,6 +35,11 @@ POOLED = (
     "as independent, and is too narrow if the subjects differ."
 )
 """Note below the table of groups, if a group contains several recordings of several subjects."""
+UNNAMED = (
+    "No factor names the specimen of each recording: all are averaged as recordings of one "
+    "specimen. If they are not, state their factors (--factors, --by)."
+)
+"""Note below the table of groups, if all recordings are averaged and their specimens not known."""
 FILES_NAMED = 3
 """Largest number of files that a note lists for one reason."""
 GROUPS_NAMED = 8

@@ -21,6 +21,7 @@ from teleop.output.comparison_notes import (
     CAPTION,
     POOLED,
     TRACKING_CAPTION,
+    UNNAMED,
     correction_note,
     damping_note,
     different_text,
@@ -57,13 +58,15 @@ def group_table(groups: Sequence[Group], by: Sequence[str]) -> TextTable:
         notes.append(("", where))
     if any(group.subjects for group in groups):
         notes.append(("", POOLED))
-    if pooled := dict.fromkeys(name for group in groups for name in group.pooled):
-        notes.append(("", pooled_text([*pooled])))
+    if any(group.unnamed for group in groups):
+        notes.append(("", UNNAMED))
     for group in groups:
         for method, means in group.means.items():
             count = str(means["k"].recordings)
             if missing := group.missing.get(method):
                 count = f"{count} {marked(notes, missing_text(method, missing))}"
+            if method == RESULT and group.pooled:
+                count = f"{count} {marked(notes, pooled_text(group.pooled))}"
             kinds_of = group.kinds[method]
             values = []
             for symbol, quantity in RESULTS.items():
@@ -259,7 +262,7 @@ def print_text_table(title: str, table: TextTable) -> None:
     rows = shortened(table.rows, table.left)
     print_table(console, title, table.headings, rows, max(table.left, 1))
     for mark, text in table.notes:
-        style = "yellow" if mark or text == POOLED else None
+        style = "yellow" if mark or text in (POOLED, UNNAMED) else None
         console.print("  " + " ".join(filter(None, (mark, text))), style=style)
 
 

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 
 from estimation.quantities import RESULTS
 from teleop.evaluation.across.comparison import (
+    BODY,
     NEVER_UPDATED,
     NO_LEVEL,
     OF_RESULT,
@@ -73,7 +74,9 @@ class Group:
     """Means of gain, phase_deg, rms_m and frequency_hz (`mean_tracking`); empty without a
     target."""
     pooled: tuple[str, ...]
-    """Factors of the series, except the subject, that have several levels within this group."""
+    """Stated factors, except the subject, that have several levels within this group."""
+    unnamed: bool
+    """Whether several recordings, of which no factor is stated, are averaged without `levels`."""
     subjects: int
     """Number of subjects, if there are two or more and some have several recordings in this group;
     otherwise 0."""
@@ -91,13 +94,17 @@ class Group:
 
 
 def grouped(
-    rows: Sequence[Compared], by: Sequence[str], planned: Mapping[str, Sequence[str]]
+    rows: Sequence[Compared],
+    by: Sequence[str],
+    planned: Mapping[str, Sequence[str]],
+    stated: Sequence[str] = (),
 ) -> list[Group]:
     """Divide recordings into groups with the same levels of factors, and sort the groups.
 
     A factor is a property in which recordings differ, for example `condition`. Its level is the
     value for one recording, for example `mimic`. The groups are sorted by the levels of the first
-    factor, then by those of the second factor, and so on (see `ranks_of`).
+    factor, then by those of the second factor, and so on (see `ranks_of`). `stated` are all factors
+    that say how the recordings differ, besides those of the plan of a series (`planned`).
     """
     members: dict[tuple[str, ...], list[Compared]] = {}
     for row in rows:
@@ -110,16 +117,18 @@ def grouped(
         members,
         key=lambda levels: [rank[level] for rank, level in zip(ranks, levels, strict=True)],
     )
-    return [group_of(levels, members[levels], planned) for levels in ordered]
+    names = dict.fromkeys([*planned, *stated])
+    return [group_of(levels, members[levels], names) for levels in ordered]
 
 
 def group_of(
-    levels: tuple[str, ...], rows: Sequence[Compared], planned: Iterable[str] = ()
+    levels: tuple[str, ...], rows: Sequence[Compared], stated: Iterable[str] = ()
 ) -> Group:
     """Return the mean results and estimates of the recordings of one group, see `Group`.
 
-    `planned` are all factors of the series of trials.
+    `stated` are all factors that say how the recordings differ.
     """
+    names = {*stated, *BODY}
     missing: dict[str, dict[str, str]] = {}
     for row in rows:
         if not row.result.identifiable:
@@ -133,7 +142,7 @@ def group_of(
     repeated = len(subjects) > 1 and max(subjects.values()) > 1
     pooled = tuple(
         name
-        for name in planned
+        for name in stated
         if name != SUBJECT and len({row.factors.get(name) for row in rows}) > 1
     )
     means: dict[str, dict[str, Mean]] = {}
@@ -154,6 +163,7 @@ def group_of(
         missing,
         mean_tracking(tracked),
         pooled,
+        not levels and len(rows) > 1 and any(row.factors.keys().isdisjoint(names) for row in rows),
         len(subjects) if repeated else 0,
         ranges(results),
         tuple(sorted({one.depth_from for one in results})),

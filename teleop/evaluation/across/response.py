@@ -1,0 +1,70 @@
+"""Collect one quantity of the results of recordings, with the errors that their intervals state."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from estimation.arrays import Floats
+from estimation.estimator import LEVEL_95
+from teleop.errors import InputError
+from teleop.evaluation.across.comparison import RESULT, Compared, values_of
+
+
+class Responses(NamedTuple):
+    """Values of k or b from the results of recordings, shape (n,) each."""
+
+    rows: list[Compared]
+    """The recordings."""
+    values: Floats
+    """Stiffness [N/m] or damping [N s/m], or the natural logarithms of these."""
+    std: Floats
+    """Standard deviations of the errors, from the 95 % intervals, in the unit of the values."""
+    notes: list[str]
+    """Sentences on recordings that are left out, or whose value cannot be used alone."""
+
+
+def responses(rows: Sequence[Compared], symbol: str, logarithm: bool = False) -> Responses:
+    """Return k or b (`symbol`) of the recordings that determine it.
+
+    Values of different kinds are different physical quantities. Only those of the most frequent
+    kind are returned. With `logarithm`, the natural logarithms are returned, for a spread that is
+    proportional to the value.
+
+    Raises InputError if no recording has a value, or for the logarithm of a negative value.
+    """
+    found = [(row, values_of(row, RESULT).get(symbol)) for row in rows]
+    known = [(row, value) for row, value in found if value]
+    if not known:
+        raise InputError(f"no recording has a result with {symbol}")
+    notes = []
+    if missing := len(found) - len(known):
+        notes.append(f"Without {symbol}, and left out: {missing} of {len(found)} recordings.")
+    kinds = Counter(value.kind for _, value in known)
+    kind, count = kinds.most_common(1)[0]
+    if len(kinds) > 1:
+        others = ", ".join(f"{number} with the kind {name}" for name, number in kinds.items())
+        notes.append(
+            f"The values of {symbol} are different quantities ({others}): only the {count} of the "
+            f"kind {kind} are used."
+        )
+        known = [(row, value) for row, value in known if value.kind == kind]
+    if symbol == "b" and (unusable := sum(bool(row.result.b_reason) for row, _ in known)):
+        notes.append(
+            f"The b of {unusable} of {len(known)} recordings cannot be used alone: see their "
+            "remarks. An error that all recordings have, such as a lag of the force, is not in the "
+            "intervals."
+        )
+    values = np.array([value.value for _, value in known])
+    std = np.array([value.half for _, value in known]) / LEVEL_95
+    if logarithm:
+        if not values.min() > 0.0:
+            low = min(known, key=lambda one: one[1].value)[0]
+            raise InputError(
+                f"--log: {symbol} of {low.file} is {values.min():.4g}: expected positive values"
+            )
+        values, std = np.log(values), std / values
+    return Responses([row for row, _ in known], values, std, notes)
