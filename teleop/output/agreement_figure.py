@@ -14,7 +14,7 @@ def agreement_figure(found: Agreement, symbol: str, over: str, is_ratio: bool = 
     """Return a figure of the difference over the mean of the two values of each object.
 
     Horizontal lines are the bias and the limits of agreement, with their 95 % intervals. With
-    `is_ratio`, is_ratio are drawn instead of differences, on logarithmic axes.
+    `is_ratio`, ratios are drawn instead of differences.
     """
     quantity = RESULTS[symbol]
     figure = new_figure(0.6)
@@ -45,15 +45,13 @@ def agreement_figure(found: Agreement, symbol: str, over: str, is_ratio: bool = 
             linewidth=0,
             label="95 % interval" if text == "bias" else "_",
         )
-    first, second = (plain(f"{over} {level}") for level in found.columns)
+    first, second = (plain(f"{over} = {level}") for level in found.columns)
     kind = "geometric mean" if is_ratio else "mean"
     axes.set_xlabel(f"{kind} of {quantity.name} ${quantity.symbol}$ [{quantity.unit}]")
     if is_ratio:
-        axes.set_xscale("log")
-        axes.set_yscale("log")
-        axes.set_ylabel(f"{second} / {first}")
+        axes.set_ylabel(f"ratio ({second} / {first})")
     else:
-        axes.set_ylabel(f"{second} - {first} [{quantity.unit}]")
+        axes.set_ylabel(f"difference ({second} minus {first}) [{quantity.unit}]")
     tidy(axes, "y")
     common_legend(figure, figure.axes)
     return figure

@@ -19,7 +19,6 @@ from teleop.evaluation.batch.stiffness_result import StiffnessResult
 from teleop.files import RECORDING
 from teleop.output.comparison_notes import (
     CAPTION,
-    POOLED,
     TRACKING_CAPTION,
     UNNAMED,
     correction_note,
@@ -30,6 +29,7 @@ from teleop.output.comparison_notes import (
     model_notes,
     pooled_text,
     remark_texts,
+    unit_note,
 )
 from teleop.output.console import plain_console, print_table, small
 from teleop.output.result_tables import shown_half, with_half
@@ -56,8 +56,8 @@ def group_table(groups: Sequence[Group], by: Sequence[str]) -> TextTable:
     notes.append(("", correction_note(lags, lost_motions)))
     if where := holding_text(groups):
         notes.append(("", where))
-    if any(group.subjects for group in groups):
-        notes.append(("", POOLED))
+    if averaged := dict.fromkeys(group.unit for group in groups if group.unit):
+        notes.append(("", unit_note(averaged)))
     if any(group.unnamed for group in groups):
         notes.append(("", UNNAMED))
     for group in groups:
@@ -262,7 +262,7 @@ def print_text_table(title: str, table: TextTable) -> None:
     rows = shortened(table.rows, table.left)
     print_table(console, title, table.headings, rows, max(table.left, 1))
     for mark, text in table.notes:
-        style = "yellow" if mark or text in (POOLED, UNNAMED) else None
+        style = "yellow" if mark or text == UNNAMED else None
         console.print("  " + " ".join(filter(None, (mark, text))), style=style)
 
 

@@ -20,20 +20,16 @@ from teleop.evaluation.across.agreement import (
     value_table,
 )
 from teleop.evaluation.across.comparison import (
-    BODY,
     NO_LEVEL,
     REPETITIONS,
-    SUBJECT,
     Compared,
     check_factors,
 )
-from teleop.evaluation.across.groups import ranks_of
+from teleop.evaluation.across.groups import independent_unit, ranks_of
 from teleop.evaluation.across.mixed_model import MixedModel, fit_mixed_model
 from teleop.evaluation.across.response import responses
 from teleop.studies.anova import depth_note
 
-RANDOM = (SUBJECT, *BODY)
-"""Factors that are random effects if nothing is stated, in the order of preference."""
 NO_RANDOM = "none"
 """Value of the option for no random factor."""
 NAMED = 3
@@ -59,11 +55,11 @@ def effects_on_results(
 ) -> EffectsOnResults:
     """Test the effects of factors on the results of recordings, see `fit_mixed_model`.
 
-    `random` is the random factor; None for `random_factor`. `stated` are all factors that say how
-    the recordings differ.
+    `random` is the random factor; None for `independent_unit`. `stated` are all factors that say
+    how the recordings differ.
     """
     used = responses(rows, symbol, logarithm)
-    chosen = random_factor(used.rows, factors) if random is None else random
+    chosen = independent_unit(used.rows, factors) if random is None else random
     if chosen == NO_RANDOM:
         chosen = None
     fixed = [name for name in factors if name != chosen]
@@ -85,15 +81,6 @@ def effects_on_results(
     if symbol == "k" and (note := depth_note(used.rows, fixed)):
         notes.append(note)
     return EffectsOnResults(model, notes)
-
-
-def random_factor(rows: Sequence[Compared], factors: Sequence[str]) -> str | None:
-    """Return the first of `RANDOM` with repeated recordings of several levels; None without one."""
-    for name in RANDOM:
-        levels = [row.factors.get(name) for row in rows]
-        if name not in factors and None not in levels and 1 < len(set(levels)) < len(levels):
-            return name
-    return None
 
 
 def design(

@@ -77,9 +77,9 @@ class Group:
     """Stated factors, except the subject, that have several levels within this group."""
     unnamed: bool
     """Whether several recordings, of which no factor is stated, are averaged without `levels`."""
-    subjects: int
-    """Number of subjects, if there are two or more and some have several recordings in this group;
-    otherwise 0."""
+    unit: str | None
+    """Factor whose levels are averaged first, and count as independent in the interval of a mean
+    (`independent_unit`); None if each recording is independent."""
     holding: dict[str, tuple[float, float]]
     """Smallest and largest value of each quantity in `HOLDING`. A quantity that no result contains
     is left out."""
@@ -138,8 +138,7 @@ def group_of(
                 missing.setdefault(name, {})[row.file] = NEVER_UPDATED
     tracked = [row.tracking for row in rows if row.tracking]
     results = [row.result for row in rows if row.result.identifiable]
-    subjects = Counter(row.factors[SUBJECT] for row in rows if SUBJECT in row.factors)
-    repeated = len(subjects) > 1 and max(subjects.values()) > 1
+    unit = independent_unit(rows)
     pooled = tuple(
         name
         for name in stated
@@ -148,12 +147,18 @@ def group_of(
     means: dict[str, dict[str, Mean]] = {}
     kinds: dict[str, dict[str, dict[str, int]]] = {}
     for method in dict.fromkeys([RESULT, *(name for row in rows for name in row.estimates)]):
-        found = [values_of(row, method) for row in rows]
+        found = [(row.factors.get(unit or ""), values_of(row, method)) for row in rows]
         symbols = OF_RESULT if method == RESULT else RESULTS
-        values = {symbol: [one[symbol] for one in found if symbol in one] for symbol in symbols}
-        means[method] = {symbol: mean_of(each) for symbol, each in values.items()}
+        values = {
+            symbol: [(level, one[symbol]) for level, one in found if symbol in one]
+            for symbol in symbols
+        }
+        means[method] = {
+            symbol: mean_of([one for _, one in each], [str(level) for level, _ in each if level])
+            for symbol, each in values.items()
+        }
         kinds[method] = {
-            symbol: dict(sorted(Counter(one.kind for one in each).items(), reverse=True))
+            symbol: dict(sorted(Counter(one.kind for _, one in each).items(), reverse=True))
             for symbol, each in values.items()
         }
     return Group(
@@ -164,13 +169,26 @@ def group_of(
         mean_tracking(tracked),
         pooled,
         not levels and len(rows) > 1 and any(row.factors.keys().isdisjoint(names) for row in rows),
-        len(subjects) if repeated else 0,
+        unit,
         ranges(results),
         tuple(sorted({one.depth_from for one in results})),
         tuple(sorted({row.force_lag for row in rows})),
         tuple(sorted({row.lost_motion for row in rows})),
         remark_counts(results),
     )
+
+
+def independent_unit(rows: Sequence[Compared], by: Sequence[str] = ()) -> str | None:
+    """Return the factor whose levels are independent of each other, unlike the recordings of one.
+
+    It is the subject or the palpated body, if several of them have repeated recordings. It is none
+    of the factors `by`.
+    """
+    for name in (SUBJECT, *BODY):
+        levels = [row.factors.get(name) for row in rows]
+        if name not in by and None not in levels and 1 < len(set(levels)) < len(levels):
+            return name
+    return None
 
 
 def ranges(results: Sequence[StiffnessResult]) -> dict[str, tuple[float, float]]:

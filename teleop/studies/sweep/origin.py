@@ -72,7 +72,6 @@ def plug_in(name: str) -> dict[str, Any]:
     return {**known, "sha256": digest} if digest else known
 
 
-@cache
 def code_hash(module: str) -> str:
     """Return a hash of the code of a module or package; empty if the module is not found."""
     try:
@@ -88,7 +87,7 @@ def code_hash(module: str) -> str:
     digest = hashlib.sha256()
     for place, path in sorted(paths):
         if path.suffix in CODE:
-            digest.update(f"{place.as_posix()}\n{file(path)}\n".encode())
+            digest.update(f"{place.as_posix()}\n{untimed(file(path))}\n".encode())
     return digest.hexdigest()
 
 
