@@ -29,7 +29,7 @@ from teleop.studies.series.plan import Plan
 from teleop.studies.series.table import NAME
 from teleop.studies.series.trials import cells
 
-NO_LEVELS = "its factors are not stated by"
+NO_LEVELS = "not stated by --factors"
 """Problem of a file whose levels neither the pattern nor the table states."""
 NO_MEASUREMENT = "no measurement file"
 """Problem of a file in a folder that is not taken for a measurement."""
@@ -79,14 +79,17 @@ def sources(
                     place = PurePosixPath(source.path.relative_to(path).as_posix())
                 levels = factors.levels(source.path, place)
                 if levels is None:
-                    left_out.append((str(source.path), f"{NO_LEVELS} {factors.name}"))
+                    left_out.append((str(source.path), NO_LEVELS))
                     continue
                 source = ComparedFile(source.path, source.levels | levels)
             found[name] = source
     if factors:
         if not found:
-            example = f", for example {left_out[0][0]}" if left_out else ""
-            raise InputError(f"{factors.name}: matches none of {len(left_out)} files{example}")
+            unstated = [file for file, problem in left_out if problem != NO_MEASUREMENT]
+            raise InputError(
+                f"--factors {factors.name}: states the factors of none of the {len(unstated)} "
+                f"measurement files, such as {unstated[0]}"
+            )
         left_out += factors.check_used(source.path for source in found.values())
     return Sources([*found.values()], left_out)
 

@@ -15,13 +15,17 @@ with a narrow interval does not dominate if the recordings differ by more than t
 An effect is tested by Wald's F test. The degrees of freedom of the error are those of the
 interaction of the random factor with the factors of the effect, beyond all fixed effects. With
 complete, balanced data, intervals of width zero and no variance that is estimated as zero, the test
-is the one of the analysis of variance of repeated measures or of nested designs. If the recordings
-scatter less than their intervals state, the intervals determine the error.
+is the one of the analysis of variance of repeated measures or of nested designs. If the weighted
+residuals are larger than the estimated variances explain, the F statistic is divided by their mean
+square (Knapp and Hartung). If the recordings scatter less than their intervals state, the intervals
+determine the error.
 
 `MixedLM` of statsmodels and comparable programs do not support known variances of e_i.
 
 References
 ----------
+G. Knapp and J. Hartung, "Improved tests for a random effects meta-regression with a single
+covariate", Statistics in Medicine 22(17), 2003.
 W. Viechtbauer, "Bias and efficiency of meta-analytic variance estimators in the random-effects
 model", Journal of Educational and Behavioral Statistics 30(3), 2005.
 J. C. Pinheiro and D. M. Bates, "Mixed-Effects Models in S and S-PLUS", 2000, chapter 2.
@@ -131,7 +135,8 @@ def fit_mixed_model(
     shared = {w: code for w, code in shared.items() if len(np.unique(code)) < len(y)}
     model = Likelihood(y / scale, std / scale, design, [*shared.values()], grouping)
     variances = model.maximised()
-    _, _, beta, covariance = model.solved(variances)
+    solution = model.solved(variances)
+    beta, covariance = solution.beta, solution.covariance * max(1.0, solution.residual)
     effects = []
     for term, columns in terms.items():
         q, df = columns.stop - columns.start, degrees[term]
@@ -241,6 +246,8 @@ class Solution(NamedTuple):
     """The fixed effects, shape (p,)."""
     covariance: Floats
     """Covariance matrix of the fixed effects, shape (p, p)."""
+    residual: float
+    """Mean square of the weighted residuals; 1 on average for the true variances."""
 
 
 class Likelihood:
@@ -308,8 +315,9 @@ class Likelihood:
             projection = inverse - weighted[rows] @ covariance @ weighted[rows].T
             for i, one in enumerate([*same, np.eye(len(rows))]):
                 slope[i] += float(np.sum(projection * one) - forces[rows] @ one @ forces[rows])
-        cost = determinant + float(np.linalg.slogdet(information)[1] + residual @ forces)
-        return Solution(cost, slope, beta, covariance)
+        square = float(residual @ forces)
+        cost = determinant + float(np.linalg.slogdet(information)[1]) + square
+        return Solution(cost, slope, beta, covariance, square / (len(y) - x.shape[1]))
 
     def maximised(self) -> Floats:
         """Return the variances with the largest likelihood, the last of them between recordings."""
