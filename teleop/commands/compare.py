@@ -54,7 +54,7 @@ def compare(
     the same command, or one with other statistics, then only evaluates files that are new or have
     changed. To continue after an interruption, enter the same command again.
 
-    Example: `teleop compare data --factors "{subject}/{specimen}_rep{n}.csv" --out table.csv`
+    Example: `teleop compare data --factors "{subject}/{specimen}_rep{n}.csv"`
 
     Parameters
     ----------

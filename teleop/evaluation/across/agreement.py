@@ -91,9 +91,16 @@ def repeatability(values: Floats, columns: Sequence[str]) -> Repeatability:
     Parameters
     ----------
     values
-        Values, shape (n, m), with a row for each object and a column for each repetition.
+        Values, shape (n, m), with a row for each object and a column for each repetition, for
+        example stiffnesses [N/m].
     columns
         Names of the m columns.
+
+    Returns
+    -------
+    Repeatability
+        Intraclass correlations, and the standard deviation within objects in the unit of the
+        values.
 
     Raises
     ------
@@ -172,12 +179,27 @@ def spread_interval(deviation: float, degrees: int) -> Interval:
 
 
 def agreement(first: Floats, second: Floats, columns: Sequence[str]) -> Agreement:
-    """Return the agreement of two values of each object, shape (n,) each.
+    """Return the agreement of two values of each object (Bland-Altman).
 
     The intervals of the limits of agreement are exact for normally distributed differences, also
     for few objects.
 
-    Raises InputError if there are fewer than three objects.
+    Parameters
+    ----------
+    first, second
+        Values of n objects, shape (n,), for example stiffnesses [N/m] by two operators.
+    columns
+        Names of the two.
+
+    Returns
+    -------
+    Agreement
+        Bias and limits of agreement of `second` minus `first`, in the unit of the values.
+
+    Raises
+    ------
+    InputError
+        There are fewer than three objects.
     """
     difference = np.asarray(second, np.float64) - first
     mean = 0.5 * (np.asarray(second, np.float64) + first)

@@ -101,11 +101,17 @@ def fit_mixed_model(
     Parameters
     ----------
     y, std
-        Results and the standard deviations of their errors e_i, shape (n,).
+        Results, for example stiffnesses [N/m], and the standard deviations of their errors e_i,
+        shape (n,). The half width of a 95 % interval is 1.96 standard deviations.
     factors, levels
         Names of the fixed factors, and for each of them the levels of the recordings.
     random, groups
         Name of the random factor and the levels of the recordings; None without such a factor.
+
+    Returns
+    -------
+    MixedModel
+        Tests of the effects, and the estimated standard deviations in the unit of the results.
 
     Raises
     ------
