@@ -51,8 +51,9 @@ class ComparisonOptions:
     average stiffness (k_online), damping (b_online), force error (e_f) or rise time (rise_time_s).
     These need the extra stats, and the estimator is a further factor."""
     random: str | None = None
-    """Random factor of the analysis of variance of k or b, or none. Default: subject, specimen or
-    cube, if it is not in --by and has repeated recordings."""
+    """Random factor of the analysis of variance of k or b, or none. treatment:specimen is for
+    specimens whose numbers begin again in each treatment. Default: subject, specimen or cube, if it
+    is not in --by and has repeated recordings."""
     repeatability: Literal["k", "b"] | None = None
     """Repeatability of the results: intraclass correlations, standard deviation within objects, and
     limits of agreement (Bland-Altman) of two levels."""

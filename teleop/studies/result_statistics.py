@@ -32,6 +32,8 @@ from teleop.studies.anova import depth_note
 
 NO_RANDOM = "none"
 """Value of the option for no random factor."""
+NESTED = ":"
+"""Character between the names of factors whose combinations are the levels of the random factor."""
 NAMED = 3
 """Largest number of objects that a note lists."""
 
@@ -65,17 +67,17 @@ def effects_on_results(
     fixed = [name for name in factors if name != chosen]
     if not fixed:
         raise InputError("analysis of variance: expected factors with two levels or more (--by)")
-    if chosen:
-        check_factors(used.rows, [chosen])
+    parts = chosen.split(NESTED) if chosen else []
+    check_factors(used.rows, parts)
     columns = [[row.factors.get(name, NO_LEVEL) for row in used.rows] for name in fixed]
-    groups = [row.factors.get(chosen or "", NO_LEVEL) for row in used.rows]
+    groups = [NESTED.join(row.levels(parts)) for row in used.rows]
     if chosen and len(set(groups)) < 2:
         raise InputError(f"--random {chosen}: expected at least 2 levels, got 1")
     model = fit_mixed_model(used.values, used.std, fixed, columns, chosen, groups)
     pooled = [
         name
         for name in stated
-        if name not in (*fixed, chosen) and len({row.factors.get(name) for row in used.rows}) > 1
+        if name not in (*fixed, *parts) and len({row.factors.get(name) for row in used.rows}) > 1
     ]
     notes = [design(model, symbol, fixed, chosen, pooled, logarithm), *used.notes]
     if symbol == "k" and (note := depth_note(used.rows, fixed)):
