@@ -90,6 +90,9 @@ def evaluated(evaluate: Evaluate, paths: Sequence[Path]) -> Outcome:
         return path, evaluate(path)
     except InputError as error:
         return path, problem_of(path, error)
+    except Exception as error:  # a defect: its traceback would not name the file
+        error.add_note(f"in the evaluation of {path}")
+        raise
 
 
 def lost(path: Path) -> Outcome:

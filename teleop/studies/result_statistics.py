@@ -20,7 +20,6 @@ from teleop.evaluation.across.agreement import (
     value_table,
 )
 from teleop.evaluation.across.comparison import (
-    NO_LEVEL,
     REPETITIONS,
     Compared,
     check_factors,
@@ -60,16 +59,17 @@ def effects_on_results(
     `random` is the random factor; None for `independent_unit`. `stated` are all factors that say
     how the recordings differ.
     """
-    used = responses(rows, symbol, logarithm)
-    chosen = independent_unit(used.rows, factors) if random is None else random
+    chosen = independent_unit(rows, factors) if random is None else random
     if chosen == NO_RANDOM:
         chosen = None
+    parts = chosen.split(NESTED) if chosen else []
     fixed = [name for name in factors if name != chosen]
     if not fixed:
         raise InputError("analysis of variance: expected factors with two levels or more (--by)")
-    parts = chosen.split(NESTED) if chosen else []
-    check_factors(used.rows, parts)
-    columns = [[row.factors.get(name, NO_LEVEL) for row in used.rows] for name in fixed]
+    check_factors(rows, parts)
+    known = [row for row in rows if row.factors.keys() >= {*fixed, *parts}]
+    used = responses(known, symbol, logarithm)
+    columns = [[row.factors[name] for row in used.rows] for name in fixed]
     groups = [NESTED.join(row.levels(parts)) for row in used.rows]
     if chosen and len(set(groups)) < 2:
         raise InputError(f"--random {chosen}: expected at least 2 levels, got 1")
@@ -80,6 +80,11 @@ def effects_on_results(
         if name not in (*fixed, *parts) and len({row.factors.get(name) for row in used.rows}) > 1
     ]
     notes = [design(model, symbol, fixed, chosen, pooled, logarithm), *used.notes]
+    if unknown := len(rows) - len(known):
+        names = ", ".join(dict.fromkeys([*fixed, *parts]))
+        notes.append(
+            f"Left out: {unknown} of {len(rows)} recordings, whose level of {names} is not known."
+        )
     if symbol == "k" and (note := depth_note(used.rows, fixed)):
         notes.append(note)
     return EffectsOnResults(model, notes)

@@ -52,10 +52,12 @@ def test_repeated_recordings_of_a_specimen_do_not_count_as_independent():
 def test_the_design_names_what_is_averaged_and_left_out():
     rows = treated()
     rows[0] = Compared("no result", rows[0].factors, StiffnessResult(reasons=("no contact",)), {})
+    rows.append(row(1e6, specimen=1, n=9))
     text = " ".join(effects_on_results(rows, ["treatment"], "k", "specimen", ["day", "n"]).notes)
     assert "of 31 recordings" in text
     assert "Recordings that differ in n count as repetitions." in text
     assert "Without k, and left out: 1 of 32 recordings." in text
+    assert "Left out: 1 of 33 recordings, whose level of treatment, specimen is not known." in text
     assert "N/m between levels of specimen" in text
 
 
