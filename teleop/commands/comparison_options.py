@@ -45,32 +45,33 @@ class ComparisonOptions:
     factor of --factors or of the series; a setting of the recordings, such as condition, cube, rig
     or seed; or the word folder. Default: the factors of --factors or of the series, and specimen
     and cube, if they have two or more levels; without subject and repetition."""
-    anova: Literal["k", "b", "k_online", "b_online", "e_f", "rise_time_s"] | None = None
-    """Analysis of variance of the results (k, b) by the factors of --by, with a mixed model in
-    which each recording is weighted by its 95 % interval; or of a result of the online estimators:
+    anova: Literal["k", "k_tip", "b", "k_online", "b_online", "e_f", "rise_time_s"] | None = None
+    """Analysis of variance of the results by the factors of --by, with a mixed model in which each
+    recording is weighted by its 95 % interval: of k, the stiffness at the tip (k_tip) or b. Or
+    analysis of variance of a result of the online estimators:
     average stiffness (k_online), damping (b_online), force error (e_f) or rise time (rise_time_s).
     These need the extra stats, and the estimator is a further factor."""
     random: str | None = None
-    """Random factor of the analysis of variance of k or b, or none. treatment:specimen is for
+    """Random factor of the analysis of variance of results, or none. treatment:specimen is for
     specimens whose numbers begin again in each treatment. Default: subject, specimen or cube, if it
     is not in --by and has repeated recordings."""
-    repeatability: Literal["k", "b"] | None = None
+    repeatability: Literal["k", "k_tip", "b"] | None = None
     """Repeatability of the results: intraclass correlations, standard deviation within objects, and
     limits of agreement (Bland-Altman) of two levels."""
     over: str | None = None
     """Factor whose levels --repeatability compares, such as operator, or some of its levels, such
     as n=1,2. Default: the factor repetition, n, rep, repeat, replicate or trial."""
     log: bool = False
-    """Use the logarithms of k or b in these statistics, for a spread that is proportional to the
-    value. Differences are then stated as ratios."""
+    """Use the logarithms of the results in these statistics, for a spread that is proportional to
+    the value. Differences are then stated as ratios."""
 
     def check(self) -> None:
         """Raise InputError for an option that has no effect."""
         from teleop.errors import InputError
 
-        on_results = self.anova in ("k", "b")
+        on_results = self.anova is not None and self.anova not in ONLINE
         for name, given, useful, needed in (
-            ("random", self.random is not None, on_results, "--anova k or --anova b"),
+            ("random", self.random is not None, on_results, "--anova k, k_tip or b"),
             ("over", self.over is not None, self.repeatability, "--repeatability"),
             ("log", self.log, on_results or self.repeatability, "--anova or --repeatability"),
         ):

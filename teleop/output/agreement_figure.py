@@ -5,8 +5,8 @@ from __future__ import annotations
 from matplotlib.figure import Figure
 
 from estimation.figure_style import BLUE, GREY, common_legend, new_figure, tidy
-from estimation.quantities import RESULTS
 from teleop.evaluation.across.agreement import Agreement
+from teleop.evaluation.across.response import RESPONSES
 from teleop.output.figure_files import plain
 
 
@@ -16,7 +16,7 @@ def agreement_figure(found: Agreement, symbol: str, over: str, is_ratio: bool = 
     Horizontal lines are the bias and the limits of agreement, with their 95 % intervals. With
     `is_ratio`, ratios are drawn instead of differences.
     """
-    quantity = RESULTS[symbol]
+    quantity = RESPONSES[symbol]
     figure = new_figure(0.6)
     axes = figure.subplots()
     factor = 1.0 if is_ratio else quantity.factor
@@ -47,7 +47,7 @@ def agreement_figure(found: Agreement, symbol: str, over: str, is_ratio: bool = 
         )
     first, second = (plain(f"{over} = {level}") for level in found.columns)
     kind = "geometric mean" if is_ratio else "mean"
-    axes.set_xlabel(f"{kind} of {quantity.name} ${quantity.symbol}$ [{quantity.unit}]")
+    axes.set_xlabel(f"{kind} of {quantity.name} [{quantity.unit}]")
     if is_ratio:
         axes.set_ylabel(f"ratio ({second} / {first})")
     else:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from estimation.quantities import RESULTS
 from teleop.evaluation.across.mixed_model import MixedModel
+from teleop.evaluation.across.response import RESPONSES
 from teleop.output.console import small
 from teleop.output.table_files import TextTable
 
@@ -38,7 +38,7 @@ def measures_table(
     symbol: str, measures: Sequence[tuple[str, Sequence[float], str]], notes: Sequence[str]
 ) -> TextTable:
     """Return the table of repeatability; a measure has a name, value, low and high, and a unit."""
-    quantity = RESULTS[symbol]
+    quantity = RESPONSES[symbol]
     rows = []
     for name, interval, unit in measures:
         shown = [quantity.shown(value) if unit else value for value in interval]

@@ -9,7 +9,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from estimation.quantities import RESULTS
 from estimation.stiffening import Interval
 from teleop.errors import InputError
 from teleop.evaluation.across.agreement import (
@@ -26,7 +25,7 @@ from teleop.evaluation.across.comparison import (
 )
 from teleop.evaluation.across.groups import independent_unit, ranks_of
 from teleop.evaluation.across.mixed_model import MixedModel, fit_mixed_model
-from teleop.evaluation.across.response import responses
+from teleop.evaluation.across.response import RESPONSES, responses
 from teleop.studies.anova import depth_note
 
 NO_RANDOM = "none"
@@ -38,7 +37,7 @@ NAMED = 3
 
 
 class EffectsOnResults(NamedTuple):
-    """Effects of factors on k or b of the results."""
+    """Effects of factors on a quantity of the results."""
 
     model: MixedModel
     """The fitted model."""
@@ -54,7 +53,7 @@ def effects_on_results(
     stated: Sequence[str] = (),
     logarithm: bool = False,
 ) -> EffectsOnResults:
-    """Test the effects of factors on the results of recordings, see `fit_mixed_model`.
+    """Test the effects of factors on a quantity of `RESPONSES`, see `fit_mixed_model`.
 
     `random` is the random factor; None for `independent_unit`. `stated` are all factors that say
     how the recordings differ.
@@ -85,7 +84,7 @@ def effects_on_results(
         notes.append(
             f"Left out: {unknown} of {len(rows)} recordings, whose level of {names} is not known."
         )
-    if symbol == "k" and (note := depth_note(used.rows, fixed)):
+    if symbol != "b" and (note := depth_note(used.rows, fixed)):
         notes.append(note)
     return EffectsOnResults(model, notes)
 
@@ -128,7 +127,7 @@ def deviation_text(symbol: str, logarithm: bool) -> Callable[[float], str]:
     """Return the function that shows a standard deviation: with its unit, or in percent."""
     if logarithm:
         return lambda value: f"{100.0 * variation(value):.3g} %"
-    return lambda value: RESULTS[symbol].text(value, ".3g")
+    return lambda value: RESPONSES[symbol].text(value, ".3g")
 
 
 def variation(deviation: float) -> float:
@@ -146,7 +145,7 @@ class Measure(NamedTuple):
 
 @dataclass(frozen=True)
 class RepeatedResults:
-    """Repeatability of k or b of the results, and the agreement of two levels."""
+    """Repeatability of a quantity of the results, and the agreement of two levels."""
 
     symbol: str
     over: str
@@ -162,7 +161,7 @@ class RepeatedResults:
     def measures(self) -> list[Measure]:
         """All measures, for a table."""
         found = self.repeatability
-        unit = RESULTS[self.symbol].si
+        unit = RESPONSES[self.symbol].si
         measures = [Measure(name, value, "") for name, value in found.icc.items()]
         if self.logarithm:
             unit = ""
@@ -235,7 +234,7 @@ def repeated_results(
     rows
         The recordings.
     symbol
-        `k` or `b`.
+        Quantity, a key of `RESPONSES`.
     stated
         All factors that say how the recordings differ. Recordings with the same levels of all of
         them, except `over`, are of the same object.

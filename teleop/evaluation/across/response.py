@@ -4,23 +4,34 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from estimation.arrays import Floats
 from estimation.estimator import LEVEL_95
+from estimation.quantities import DAMPING, STIFFNESS
 from teleop.errors import InputError
 from teleop.evaluation.across.comparison import RESULT, Compared, values_of
+from teleop.evaluation.across.means import Value
+
+TIP = "k_tip"
+"""Name of the stiffness at the tip. k is that of specimen and transmission in series."""
+RESPONSES = {"k": STIFFNESS, TIP: replace(STIFFNESS, name="stiffness at the tip"), "b": DAMPING}
+"""Quantities of a result that can be analysed, by their names."""
+IN_SERIES = (
+    f"k is that of specimen and transmission in series; {TIP} is that of the specimen at the tip."
+)
 
 
 class Responses(NamedTuple):
-    """Values of k or b from the results of recordings, shape (n,) each."""
+    """Values of a quantity from the results of recordings, shape (n,) each."""
 
     rows: list[Compared]
     """The recordings."""
     values: Floats
-    """Stiffness [N/m] or damping [N s/m], or the natural logarithms of these."""
+    """Stiffnesses [N/m] or dampings [N s/m], or the natural logarithms of these."""
     std: Floats
     """Standard deviations of the errors, from the 95 % intervals, in the unit of the values."""
     notes: list[str]
@@ -28,7 +39,7 @@ class Responses(NamedTuple):
 
 
 def responses(rows: Sequence[Compared], symbol: str, logarithm: bool = False) -> Responses:
-    """Return k or b (`symbol`) of the recordings that determine it.
+    """Return a quantity of `RESPONSES` (`symbol`) of the recordings that determine it.
 
     Values of different kinds are different physical quantities. Only those of the most frequent
     kind are returned. With `logarithm`, the natural logarithms are returned, for a spread that is
@@ -36,7 +47,7 @@ def responses(rows: Sequence[Compared], symbol: str, logarithm: bool = False) ->
 
     Raises InputError if no recording has a value, or for the logarithm of a negative value.
     """
-    found = [(row, values_of(row, RESULT).get(symbol)) for row in rows]
+    found = [(row, value_of(row, symbol)) for row in rows]
     known = [(row, value) for row, value in found if value]
     if not known:
         raise InputError(f"no recording has a result with {symbol}")
@@ -52,6 +63,8 @@ def responses(rows: Sequence[Compared], symbol: str, logarithm: bool = False) ->
             f"kind {kind} are used."
         )
         known = [(row, value) for row, value in known if value.kind == kind]
+    if symbol == "k" and any(row.result.k_tip for row, _ in known):
+        notes.append(IN_SERIES)
     if symbol == "b" and (unusable := sum(bool(row.result.b_reason) for row, _ in known)):
         notes.append(
             f"The b of {unusable} of {len(known)} recordings cannot be used alone: see their "
@@ -68,3 +81,11 @@ def responses(rows: Sequence[Compared], symbol: str, logarithm: bool = False) ->
             )
         values, std = np.log(values), std / values
     return Responses([row for row, _ in known], values, std, notes)
+
+
+def value_of(row: Compared, symbol: str) -> Value | None:
+    """Return a quantity of the result of a recording; None if it is not determined."""
+    if symbol != TIP:
+        return values_of(row, RESULT).get(symbol)
+    tip = row.result.k_tip
+    return Value(tip.value, 0.5 * (tip.high - tip.low), row.result.kinds["k"]) if tip else None

@@ -233,7 +233,7 @@ def test_ratios_are_stated_with_the_logarithm(data, capsys):
     [
         (["--factors", "{a}.mat"], "states the factors of none of the 12 measurement files, such"),
         (["--over", "n"], "--over: expected with --repeatability"),
-        (["--random", "x"], "--random: expected with --anova k"),
+        (["--random", "x"], "--random: expected with --anova k, k_tip or b"),
         (["--log"], "--log: expected with --anova or --repeatability"),
         (["--plot-agreement", "a.png"], "--plot-agreement: expected with --repeatability"),
         (["--workers", "0"], "workers 0: expected at least 1"),

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.stats import ttest_ind
 
+from estimation.stiffening import Interval
 from teleop.errors import InputError
 from teleop.evaluation.across.comparison import Compared
 from teleop.evaluation.batch.stiffness_result import StiffnessResult
@@ -69,6 +72,25 @@ def test_only_values_of_the_most_frequent_kind_are_analysed():
     found = effects_on_results(rows, ["treatment"], "k", "treatment:specimen")
     assert found.model.recordings == 29
     assert any("only the 29 of the kind tangent are used" in note for note in found.notes)
+
+
+def test_the_stiffness_at_the_tip_is_analysed_apart_from_that_in_series():
+    rows = [
+        replace(
+            one, result=replace(one.result, k_tip=Interval(2.0 * k, 2.0 * k - 3.0, 2.0 * k + 3))
+        )
+        for one in treated()
+        for k in [one.result.k]
+    ]
+    series, tip = (
+        effects_on_results(rows, ["treatment"], name, "treatment:specimen")
+        for name in ("k", "k_tip")
+    )
+    assert any("specimen and transmission in series" in note for note in series.notes)
+    assert tip.model.error == pytest.approx(1.5 * 2.0 / 1.959964)
+    assert tip.model.components["recording"] == pytest.approx(
+        2.0 * series.model.components["recording"], rel=0.01
+    )
 
 
 def test_values_of_b_that_cannot_be_used_alone_are_counted():
