@@ -107,18 +107,18 @@ def compare(
     if out:
         check_table_ending(out)
         if out.suffix.lower() == ".csv":
-            names = ("estimators", "anova", "repeatability")
-            tables = {name: out.with_stem(f"{out.stem}-{name}") for name in names}
-            if not comparison.anova:
-                del tables["anova"]
-            if not comparison.repeatability:
-                del tables["repeatability"]
+            names = {
+                "estimators": True,
+                "anova": comparison.anova,
+                "repeatability": comparison.repeatability,
+            }
+            tables = {name: out.with_stem(f"{out.stem}-{name}") for name in names if names[name]}
+    factors = None if comparison.factors is None else read_factors(comparison.factors)
+    found = sources((file, *more), factors)
+    inputs = (*found.measurements, *(factors.files if factors else ()))
     pictures = (plot, plot_agreement)
-    stated_by = read_factors(comparison.factors) if comparison.factors else None
-    written = [path for path in (out, *tables.values(), *pictures) if path]
-    found = sources((file, *more), stated_by, [*written, *(stated_by.files if stated_by else ())])
-    inputs = tuple(source.path for source in found.files)
     check_outputs(out, *tables.values(), pictures=pictures, sources=inputs, overwrite=overwrite)
+    written = [path for path in (out, *pictures) if path]
     store = written[0].parent / STORE if written else None
     ended = evaluated(found.files, columns, estimation, store, workers)
     left_out = reported(found.left_out, ended)

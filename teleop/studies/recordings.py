@@ -55,16 +55,20 @@ class Sources:
     left_out: list[tuple[str, str]]
     """Name of each file that is not compared, and the problem."""
 
+    @property
+    def measurements(self) -> list[Path]:
+        """All measurement files, also those that are not compared."""
+        unstated = [Path(file) for file, problem in self.left_out if problem == NO_LEVELS]
+        return [*(file.path for file in self.files), *unstated]
 
-def sources(
-    paths: Iterable[Path], factors: Factors | None = None, ignored: Iterable[Path] = ()
-) -> Sources:
+
+def sources(paths: Iterable[Path], factors: Factors | None = None) -> Sources:
     """Return the files that are to be compared.
 
     Folders are searched for measurement files. `factors` states the levels of the files; a file
-    whose levels it does not state is not compared. `ignored` are files that this command writes.
+    whose levels it does not state is not compared.
     """
-    not_searched = {os.path.realpath(path) for path in ignored}
+    not_searched = {os.path.realpath(path) for path in (factors.files if factors else ())}
     found: dict[str, ComparedFile] = {}
     left_out: list[tuple[str, str]] = []
     for path in paths:

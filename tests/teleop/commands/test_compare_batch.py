@@ -216,6 +216,16 @@ def test_a_table_states_the_factors_and_other_files_are_reported(data, tmp_path,
     assert " and 5 more: left out: not stated by --factors" in errors
 
 
+def test_no_measurement_is_overwritten_by_a_table(data, capsys):
+    file = data / "s01" / "fat_rep1.csv"
+    before = file.read_bytes()
+    for pattern in (PATTERN, "{subject}/{specimen}_rep2.csv"):
+        options = ["--factors", pattern, "--out", str(file), "--overwrite"]
+        assert main(["compare", str(data), *options]) == 2
+        assert "would overwrite an input" in capsys.readouterr().err
+    assert file.read_bytes() == before
+
+
 def test_ratios_are_stated_with_the_logarithm(data, capsys):
     found, _ = found_in(
         capsys, data, "--factors", PATTERN, "--repeatability", "k", "--log", "--anova", "k"
