@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from teleop.commands.column_options import BY_USUAL_NAMES, ColumnOptions, Columns
 from teleop.commands.comparison_options import (
@@ -21,7 +21,7 @@ from teleop.commands.estimation_options import (
     FileOptions,
     file_settings,
 )
-from teleop.commands.options import Json, OutputFile, Overwrite, Width
+from teleop.commands.options import IN_OUTPUT, Json, OutputFile, Overwrite, Width
 
 if TYPE_CHECKING:
     from teleop.evaluation.across.comparison import Compared
@@ -43,7 +43,7 @@ def compare(
     plot: OutputFile = None,
     plot_agreement: OutputFile = None,
     width: Width = "screen",
-    workers: int | None = None,
+    workers: Annotated[int | None, IN_OUTPUT] = None,
     overwrite: Overwrite = False,
     json: Json = False,
 ) -> int:
