@@ -58,8 +58,8 @@ def loaded_class(group: str, kind: str, built_in: Mapping[str, str]) -> Any:
     if points and (kind in built_in or len(points) > 1 or not NAME.fullmatch(kind)):
         names = ", ".join(map(package, points))
         raise ValueError(
-            f"{kind!r}, a device of the package {names}: expected a name of letters, digits, _, . "
-            "and - that no other package has, and teleop neither"
+            f"{kind!r}, a {noun(group)} of the package {names}: expected a name of letters, "
+            "digits, _, . and - that no other package has, and teleop neither"
         )
     if kind in built_in:
         module, _, name = built_in[kind].partition(":")
@@ -76,10 +76,14 @@ def loaded_class(group: str, kind: str, built_in: Mapping[str, str]) -> Any:
         raise unusable(point, f"cannot be loaded: {cause}") from error
 
 
+def noun(group: str) -> str:
+    """Return what a group of entry points contains, for example `device`."""
+    return group.removeprefix("teleop.").removesuffix("s")
+
+
 def unusable(point: EntryPoint, problem: str) -> ValueError:
     """Return (do not raise) an error about a class of another package."""
-    what = "rig" if point.group == RIGS else "device"
-    which = f"{point.name!r}, a {what} of the package {package(point)}"
+    which = f"{point.name!r}, a {noun(point.group)} of the package {package(point)}"
     return ValueError(f"{which}: {point.value} {problem}")
 
 

@@ -9,7 +9,7 @@ import os
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from types import TracebackType
-from typing import Annotated, NamedTuple, Self, get_origin, get_type_hints
+from typing import Annotated, ClassVar, NamedTuple, Self, get_origin, get_type_hints
 
 new_tuple = tuple.__new__
 """Constructor of a NamedTuple from a tuple of all its values: `new_tuple(Command, (u, w))`.
@@ -133,6 +133,10 @@ class Rig(ABC):
     watchdog is active. The watchdog stops the drive if no more commands arrive, for example because
     the process was killed.
     """
+
+    virtual_time: ClassVar[bool] = False
+    """Whether trials may run in virtual time, because the rig moves nothing real. Such a class is
+    created with a function that returns the virtual time [s]."""
 
     @property
     def rejected(self) -> Mapping[str, Mapping[str, int]]:

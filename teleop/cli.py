@@ -19,6 +19,7 @@ from teleop.commands.config import config
 from teleop.commands.estimate import estimate
 from teleop.commands.export import export
 from teleop.commands.lag import lag
+from teleop.commands.list_installed import list_installed
 from teleop.commands.live import live
 from teleop.commands.recover import recover
 from teleop.commands.report import report
@@ -74,6 +75,7 @@ for command in (
     rig,
 ):
     app.command(command)
+app.command(list_installed, name="list")
 app.register_install_completion_command(
     help="Install the completion of commands and options for this shell (bash, zsh or fish)."
 )

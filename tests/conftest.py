@@ -31,6 +31,7 @@ os.environ.pop("COLUMNS", None)  # set by readline for the workers of pytest-xdi
 # Threads of a linear-algebra library would compete with the other workers for the two cores.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 ROOT = Path(__file__).parents[1]
+PARTS = ("condition", "signal", "link", "rig")
 # The tests start hundreds of processes, which read this bytecode instead of compiling all modules.
 # They write none, since a process whose disk is full would leave a truncated file. Pytest itself
 # writes that of the test files, which the next run reads.
@@ -172,17 +173,21 @@ def estimator_page():
 
 
 @pytest.fixture(scope="session")
-def third_party(estimator_page, tmp_path_factory):
-    """A folder into which pip has installed a new driver, and the package of a page."""
+def part_pages():
+    """The pages that show a package with a part of an experiment, by the name of the part."""
+    return {part: DocsPage(f"writing-a-{part}.md") for part in PARTS}
+
+
+@pytest.fixture(scope="session")
+def third_party(estimator_page, part_pages, tmp_path_factory):
+    """A folder into which pip has installed a new driver, and the packages of the pages."""
     from teleop.rig.new_driver import write_driver
 
     folder = tmp_path_factory.mktemp("third-party")
     write_driver("acme", "serial", "none", folder / "device")
     packages = {
-        "estimator": {
-            "acme_estimator.py": estimator_page.block("class Nlms"),
-            "pyproject.toml": estimator_page.toml[0],
-        },
+        part: {f"acme_{part}.py": page.python[0], "pyproject.toml": page.toml[0]}
+        for part, page in {"estimator": estimator_page, **part_pages}.items()
     }
     for package, files in packages.items():
         (folder / package).mkdir()
@@ -210,7 +215,7 @@ def packages_found(folder):
         registry.offered.cache_clear()
         yield
     registry.offered.cache_clear()
-    for name in ("acme", "acme_emulated", "acme_estimator"):
+    for name in ("acme", "acme_emulated", "acme_estimator", *(f"acme_{part}" for part in PARTS)):
         sys.modules.pop(name, None)
 
 

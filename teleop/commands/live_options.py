@@ -71,7 +71,7 @@ class LiveOptions:
         for one in settings:
             if one.operator == POINTER and not self.live:
                 raise InputError("--operator pointer: needs --live")
-            if one.operator == POINTER and (not one.is_simulated or one.condition not in BY_HAND):
+            if one.operator == POINTER and not (one.is_simulated and one.by_hand):
                 raise InputError(
                     f"--operator pointer: expected the simulated rig, and {' or '.join(BY_HAND)}"
                 )
@@ -84,7 +84,7 @@ class LiveOptions:
             return False
         if self.live_arm and yes:
             raise InputError("--live-arm and --yes: expected at most one of them")
-        return not yes and (self.live_arm or all(one.is_simulated for one in settings))
+        return not yes and (self.live_arm or not any(one.needs_arming for one in settings))
 
     @contextlib.contextmanager
     def starting(self) -> Iterator[ChildProcess | None]:
@@ -181,9 +181,9 @@ def choices_of(settings: TrialSettings) -> dict[str, list[Any]]:
     from teleop.control.feedback.settings import LAWS
 
     of_estimation = {"estimators": list(settings.estimators if settings.preset else METHODS)}
-    if settings.rig or settings.custom_setup:
+    if not settings.is_simulated or settings.custom_setup or settings.custom_condition:
         return {
-            "condition": [settings.condition],
+            "condition": [settings.condition_name],
             "specimen": [settings.palpated],
             "duration": [settings.duration],
             "feedback": [settings.feedback.law],

@@ -123,7 +123,9 @@ def chosen(settings: TrialSettings, request: dict[str, Any]) -> TrialSettings:
     changes: dict[str, Any] = {
         name: request[name] for name in ("condition", "duration") if name in request
     }
-    if "specimen" in request and not settings.rig:
+    if settings.custom_condition:  # the only choice
+        changes.pop("condition", None)
+    elif "specimen" in request and settings.is_simulated:
         changes["cube"] = request["specimen"]
     if "feedback" in request:
         changes["feedback"] = replace(settings.feedback, law=request["feedback"])

@@ -14,7 +14,6 @@ from teleop.names import RealtimeName
 
 if TYPE_CHECKING:
     from teleop.settings.trial_settings import TrialSettings
-    from teleop.trial.assembly import RigMaker
     from teleop.trial.live_link import LiveLink
     from teleop.trial.result import Trial
     from teleop.trial.stop_switch import StopSwitch
@@ -68,7 +67,7 @@ class OutputOptions:
             make_folder(self.record)
         if self.plot_tracking and not settings.target:
             motion = settings.intended_motion
-            followed = [name for name, one in CONDITIONS.items() if one.target_for(motion)]
+            followed = [name for name, one in CONDITIONS.items() if one().target_for(motion)]
             raise InputError(
                 f"--plot-tracking: expected --condition {' or '.join(followed)}, in which there is "
                 "a target"
@@ -100,8 +99,6 @@ class TrialRunner:
     link: LiveLink | None = None
     explained: bool = False
     """Whether a person has been told how to stop the trial."""
-    rig_maker: RigMaker | None = None
-    """Class of a rig that replaces the rig of the settings."""
     switch: StopSwitch | None = None
     """Means to stop the latest trial; None before the first trial."""
 
@@ -155,7 +152,6 @@ class TrialRunner:
                 self.realtime if settings.clock == "real" else "off",
                 overwrite=bool(reserved),
                 live=self.link,
-                rig_maker=self.rig_maker,
                 arm=True,  # `teleop run` has asked, or the live page asks
             )
         finally:

@@ -19,6 +19,7 @@ EXAMPLES = {
     "angle": "30deg",
     "stiffness": "5000N/m",
     "compliance": "7um/N",
+    "force": "2N",
 }
 NOUNS = {"position": "length"}
 LARGEST_PLAIN = {"position": 0.5, "angle": 1.6, "compliance": 1e-3}
@@ -31,26 +32,37 @@ def in_si(kind: str) -> Callable[[Any, Sequence[Token]], float]:
 
     def convert(_: Any, tokens: Sequence[Token]) -> float:
         """The value of the option in SI units."""
-        from teleop.errors import InputError
-        from teleop.evaluation.formats.units import OPTION_UNITS, quantity
-
-        text = tokens[0].value
-        value = quantity(text, kind)
-        largest = LARGEST_PLAIN.get(kind, math.inf)
-        if value is None:
-            with contextlib.suppress(ValueError):
-                plain = float(text)
-                value = plain if math.isfinite(plain) and abs(plain) <= largest else None
-        if value is None:
-            si = next(unit for unit, size in OPTION_UNITS[kind].items() if size == 1.0)
-            limit = f" up to {largest:g}" if largest < math.inf else ""
-            raise InputError(
-                f"{tokens[0].keyword} {text!r}: expected a {NOUNS.get(kind, kind)} with its unit, "
-                f"such as {EXAMPLES[kind]}, or a number in {si}{limit}"
-            )
-        return value
+        return in_si_or_plain(str(tokens[0].keyword), tokens[0].value, kind)
 
     return convert
+
+
+def in_si_or_plain(option: str, text: str, kind: str) -> float:
+    """The value in SI units of a text with a unit, or of a number without one; else InputError."""
+    from teleop.errors import InputError
+    from teleop.evaluation.formats.units import OPTION_UNITS, quantity
+
+    value = quantity(text, kind)
+    largest = LARGEST_PLAIN.get(kind, math.inf)
+    if value is None:
+        with contextlib.suppress(ValueError):
+            plain = float(text)
+            value = plain if math.isfinite(plain) and abs(plain) <= largest else None
+    if value is None:
+        si = next(unit for unit, size in OPTION_UNITS[kind].items() if size == 1.0)
+        limit = f" up to {largest:g}" if largest < math.inf else ""
+        raise InputError(
+            f"{option} {text!r}: expected a {NOUNS.get(kind, kind)} with its unit, "
+            f"such as {EXAMPLES[kind]}, or a number in {si}{limit}"
+        )
+    return value
+
+
+def kind_of_unit(unit: str) -> str | None:
+    """The kind of quantity of an SI unit; None if options accept no other unit for it."""
+    from teleop.evaluation.formats.units import OPTION_UNITS
+
+    return next((kind for kind, units in OPTION_UNITS.items() if units.get(unit) == 1.0), None)
 
 
 Seconds = Annotated[float, Parameter(converter=in_si("time"), metavar="TIME")]

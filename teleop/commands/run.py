@@ -45,23 +45,21 @@ def run(
     from teleop.printable import print_error
     from teleop.settings.feedback_checks import check_feedback
     from teleop.trial.arming import arming_text, check_stated, is_armed
-    from teleop.trial.rig_classes import rig_class
 
     with live.starting() as page:
         stated = trial.settings(estimation.given())
         settings = for_pointer(stated)
-        kind = rig_class(trial.rig)
-        check_stated(settings, kind is not None)
+        check_stated(settings)
         if warning := check_feedback(settings):
             print_error(warning)
         output.check(settings, sources=(trial.config, trial.rig, trial.tare))
         live = live.requested([settings])
         by_page = live.arms([settings], yes)
-        asked = not (settings.is_simulated or by_page or yes)
+        asked = settings.needs_arming and not (by_page or yes)
         if asked and not is_armed(settings.rig or settings.rig_name, arming_text(settings)):
             return 130
         with live.linked([settings], by_page, choose=by_page, page=page) as link:
-            runner = TrialRunner(output, realtime, link, explained=asked, rig_maker=kind)
+            runner = TrialRunner(output, realtime, link, explained=asked)
             if link and by_page:
                 return run_from_page(link, stated, runner, once=output.is_for_one_trial)
             return runner.run(settings)

@@ -50,8 +50,8 @@ def series(
     plan
         File with the plan of the trials (TOML), or the word `paper` for the paper's nine trials.
     rig
-        Rig file (TOML) of a hardware rig. The trials run on this rig, in real time. Default: the
-        rig of the plan, or the simulated rig.
+        Rig file (TOML) of a hardware rig, or the name of a rig of another package. The trials run
+        on this rig, in real time. Default: the rig of the plan, or the simulated rig.
     tare
         File with the zero offsets of the channels of the rig --rig, from `teleop rig tare`.
         Default: the tare of the plan.
@@ -95,12 +95,12 @@ def series(
     all_settings = [trial.settings for trial in trials]
     live = live.requested(all_settings)
     by_page = live.arms(all_settings, yes)
-    rig_file = next((one.rig for one in all_settings if one.rig), None)
-    arms = bool(rig_file) and not (yes or by_page or is_complete(folder, read, trials))
-    if rig_file and arms:
+    moving = next((one for one in all_settings if one.needs_arming), None)
+    arms = bool(moving) and not (yes or by_page or is_complete(folder, read, trials))
+    if moving and arms:
         if ask is False:
             raise InputError("--no-ask: nobody is asked to arm the drives: expected --yes")
-        check_person(rig_file)
+        check_person(moving.rig_name)
     asks = arms if ask is None else ask
     before, after = (partial(person, yes=yes), note_of_person) if asks else (unattended, no_note)
     try:
@@ -162,7 +162,7 @@ class SeriesRunner:
         from teleop.trial.stop_switch import StopSwitch
 
         real: RealtimeName = "try" if settings.clock == "real" else "off"
-        with StopSwitch(key=True, explained=self.explained and bool(settings.rig)) as switch:
+        with StopSwitch(key=True, explained=self.explained and settings.needs_arming) as switch:
             trial = run_trial(
                 for_pointer(settings),
                 path,
@@ -188,13 +188,13 @@ def person(question: Question, yes: bool = False) -> tuple[Answer, str]:
 
     answers: dict[str, Answer] = {"": "run", "s": "skip", "r": "repeat", "q": "quit"}
     settings, previous = question.trial.settings, question.previous
-    armed = f"\n{arming_text(settings)}" if settings.rig else ""
+    armed = f"\n{arming_text(settings)}" if settings.needs_arming else ""
     returns = f"r returns to trial {previous.number}, " if previous else ""
     choice = f"Enter {question.running}, s {question.skipping}, {returns}q quits."
     text = f"{question.text}{armed}\n{choice}"
     while True:
-        if settings.rig and not yes:
-            check_person(settings.rig)
+        if settings.needs_arming and not yes:
+            check_person(settings.rig_name)
         line = answer(text)
         if line is None:
             return "quit", ""

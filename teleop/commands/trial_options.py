@@ -12,11 +12,9 @@ from teleop.commands.options import CONTROL, TRIAL
 from teleop.commands.quantities import Hertz, Length, Seconds
 from teleop.names import (
     ClockName,
-    ConditionName,
     CouplingName,
     CubeName,
     FeedbackName,
-    SignalName,
 )
 
 if TYPE_CHECKING:
@@ -38,10 +36,14 @@ class TrialOptions:
     """Configuration file (TOML), as written by `teleop config init`, or a recording, whose trial is
     run again. The other options override the settings of this file. The defaults below apply
     without such a file."""
-    condition: ConditionName | None = None
+    condition: str | None = None
     """Control condition: the operator palpates freely (free); the operator moves the slave along a
-    sine (mimic); or an excitation signal moves the slave, and nobody holds the handle (autonomous).
-    Default: free."""
+    sine (mimic); an excitation signal moves the slave, and nobody holds the handle (autonomous); or
+    the name of a condition of another package, see `teleop list conditions`. Default: free."""
+    protocol: str | None = None
+    """Protocol in place of a condition, with phases such as ramps, holds and sines, by position or
+    by force: stress-relaxation, dynamic-sweep, creep, or a file (TOML). The duration is that of the
+    protocol."""
     rig: Path | None = None
     """Rig file (TOML) that lists the devices of the rig, or the name of a rig class of an installed
     package. Default: the simulated rig."""
@@ -68,16 +70,23 @@ class TrialOptions:
     """File with the zero offsets of the channels, from `teleop rig tare`."""
     rate: Annotated[Hertz | None, Parameter(group=CONTROL)] = None
     """Sampling rate of the control loop [Hz]. Default: the rate in the rig file, or 1000."""
-    signal: Annotated[SignalName | None, Parameter(group=CONTROL)] = None
-    """Excitation signal of the autonomous condition. Default: sine."""
+    signal: Annotated[str | None, Parameter(group=CONTROL)] = None
+    """Excitation signal of the autonomous condition: sine, multisine, chirp, ramp-hold, or the name
+    of a signal of another package, see `teleop list signals`. Default: sine."""
     frequency: Annotated[Hertz | None, Parameter(group=CONTROL)] = None
     """Frequency of the excitation signal, or of the sine that the operator follows in mimic [Hz].
     For a multisine, it is the lowest of five harmonics; for a chirp over two octaves, the lowest
     frequency; for ramp-hold, that of the repetition, of which a half is the hold. Default: 1 in
     mimic, 2 otherwise."""
+    link: Annotated[str | None, Parameter(group=CONTROL)] = None
+    """Name of a link of another package, which computes the velocities of master and slave in place
+    of admittance and coupling, see `teleop list links`. Default: none."""
     coupling: Annotated[CouplingName | None, Parameter(group=CONTROL)] = None
     """velocity: the slave follows the velocity of the master, as in the paper. position: the slave
     also follows the position of the master. Default: velocity."""
+    set: Annotated[tuple[str, ...], Parameter(group=CONTROL, metavar="NAME=VALUE")] = ()
+    """Parameter of the chosen condition, signal, link or rig, such as amplitude=2mm or, if several
+    have it, condition.amplitude=2mm. `teleop list` shows the parameters."""
     feedback: Annotated[FeedbackName | None, Parameter(group=CONTROL)] = None
     """Force feedback to the hand: none; the contact force (position-force); or a local model of
     the specimen at the master (model-mediated). Default: none."""
@@ -101,29 +110,43 @@ class TrialOptions:
         """
         from sim_backend.force_master import ForceMaster, parse_values
         from sim_backend.slave_drives import ForceSlave
+        from teleop.commands.part_options import chosen_parts, with_parameters
         from teleop.control.channel import parse_channel
         from teleop.control.conditions import CONDITIONS
         from teleop.control.tare import read_tare
         from teleop.errors import InputError, as_input_error
         from teleop.settings.configuration import read_configuration
-        from teleop.settings.custom_class import stated_class
+        from teleop.settings.plug_ins import PARTS, is_rig_file
+        from teleop.settings.protocol_files import load_protocol
         from teleop.settings.rig_loading import load_rig_file
         from teleop.settings.trial_settings import TrialSettings
-        from teleop.trial.rig_classes import rig_class
 
         settings = read_configuration(self.config) if self.config else TrialSettings()
         given = {name: value for name, value in vars(self).items() if value is not None}
+        if self.protocol:
+            if self.condition:
+                raise InputError("--protocol and --condition: expected at most one of them")
+            given["protocol"] = protocol = load_protocol(self.protocol)
+            given.setdefault("duration", protocol.longest)
+            given["custom_condition"] = None
+        elif self.condition:
+            given["protocol"] = None
+        named = {part: str(given.pop(part)) for part in PARTS if part in given}
         if self.rig:
-            kind = rig_class(self.rig)
-            given["rig"] = None if kind else load_rig_file(self.rig)
-            # a recorded rate is that of the recorded rig
-            settings = replace(settings, custom_rig=None, rate=None)
-            if kind:
-                given["custom_rig"] = stated_class(kind)
-        if self.condition:
-            settings = replace(settings, custom_condition=None)
-        if self.signal or self.frequency is not None:
-            usual = CONDITIONS[self.condition or settings.condition].default_frequency
+            given.setdefault("rate", None)  # a recorded rate is that of the recorded rig
+            given["rig"] = load_rig_file(self.rig) if is_rig_file(self.rig) else None
+            if given["rig"]:
+                del named["rig"]
+                given["custom_rig"] = None
+        given |= chosen_parts(settings, named)
+        if given.get("custom_signal", settings.custom_signal):
+            if self.frequency is not None:
+                raise InputError(
+                    "--frequency: not with a signal of another package: expected --set"
+                )
+        elif self.signal or self.frequency is not None:
+            condition = given.get("condition", settings.condition)
+            usual = CONDITIONS[condition].default_frequency
             frequency = usual if self.frequency is None else self.frequency
             given["signal"] = make_signal(self.signal or settings.excitation.kind, frequency)
         if self.coupling:
@@ -140,11 +163,16 @@ class TrialOptions:
                 given["force_slave"] = parse_values("force slave", ForceSlave, self.force_slave)
         if self.tare:
             given["tare"] = read_tare(self.tare)
-        for name in ("config", "frequency"):  # no settings
+        for name in ("config", "frequency", "link", "set"):  # no settings
             given.pop(name, None)
+        chosen = {
+            part: one
+            for part in PARTS
+            if (one := given.get(f"custom_{part}", getattr(settings, f"custom_{part}")))
+            and (one.plug_in or not one.module)
+        }
+        given |= with_parameters(chosen, self.set)
         settings = replace(settings, **given, **others)
-        if settings.custom_rig and self.rig and settings.clock != "real":
-            raise InputError(f"--clock virtual: the rig {self.rig} runs in real time")
         if self.cube and not settings.is_simulated:
             raise InputError(
                 "--cube: belongs to the simulated rig: expected --specimen and --depth"
@@ -156,8 +184,8 @@ Trial = Annotated[TrialOptions, Parameter(name="*", group=TRIAL)]
 DEFAULTS = TrialOptions()
 
 
-def make_signal(name: SignalName, frequency: float) -> AnySignal:
-    """The signal with this name and lowest frequency [Hz]; InputError for a wrong frequency."""
+def make_signal(name: str, frequency: float) -> AnySignal:
+    """The signal of a kind and lowest frequency [Hz]; InputError for a wrong frequency."""
     from teleop.control.excitation_signals import Chirp, Multisine, RampHold, Sine
     from teleop.errors import InputError
 
@@ -169,7 +197,7 @@ def make_signal(name: SignalName, frequency: float) -> AnySignal:
                 return Multisine(tuple(frequency * harmonic for harmonic in range(1, 6)))
             case "chirp":
                 return Chirp(frequency, 4.0 * frequency)
-            case "ramp-hold":
+            case _:  # ramp-hold
                 period = 1.0 / Sine(frequency).frequency
                 return RampHold(0.05 * period, 0.5 * period, 0.4 * period)
     except ValueError as error:

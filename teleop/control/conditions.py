@@ -1,6 +1,7 @@
 """Control conditions. Each class states all that distinguishes one condition from the others.
 
-To add a condition, write a class here, and add its name to `CONDITIONS` and to
+Another package adds a condition by an entry point of the group `teleop.conditions`. To add one to
+this package, write a class here, and add its name to `CONDITIONS` and to
 `teleop.names.ConditionName`.
 """
 
@@ -12,8 +13,9 @@ from dataclasses import dataclass
 from typing import ClassVar, Literal
 
 from drivers import Measurement
+from estimation.transmission import RIGID, TransmissionCalibration
 from teleop.control.admittance import AdmittanceParameters
-from teleop.control.excitation_signals import AnySignal
+from teleop.control.excitation_signals import Signal
 from teleop.control.injector import Injector, ramp_time
 from teleop.control.target import Target
 
@@ -22,7 +24,7 @@ from teleop.control.target import Target
 class IntendedMotion:
     """Settings of a trial that determine the intended motion of the slave."""
 
-    signal: AnySignal
+    signal: Signal
     depth: float
     """Largest displacement of the slave [m]."""
     count_in: float
@@ -32,49 +34,51 @@ class IntendedMotion:
     admittance: AdmittanceParameters
     scale: float
     """Ratio of the motion of the slave to the motion of the master."""
+    transmission: TransmissionCalibration = RIGID
+    """Known lost motion and compliance between the encoder and the tip of the slave."""
+    resolution: float = 0.0
+    """Smallest change of position that the encoder of the slave measures [m]."""
 
 
 class Condition(ABC):
     """Base class of control conditions, which compute the force that moves the master.
 
-    The attributes and class methods below have values for a condition without special properties,
-    so that a class of the user needs `drive_force` only.
+    The attributes and methods below have values for a condition without special properties, so that
+    a class of the user needs `drive_force` only.
     """
 
     instruction: ClassVar[str] = ""
     """Instruction to the person, shown on the live page while the drives are active."""
     moved_by: ClassVar[Literal["hand", "injector"]] = "hand"
     """What moves the master. With `injector`, nobody holds the handle."""
-    signal_kinds: ClassVar[tuple[str, ...]] = ("sine", "multisine", "chirp", "ramp-hold")
-    """Kinds of excitation signal that the condition accepts."""
+    signal_kinds: ClassVar[tuple[str, ...]] = ()
+    """Kinds of excitation signal that the condition accepts; empty if it accepts all."""
     default_frequency: ClassVar[float] = 2.0
     """Frequency of the sine if the settings have no signal [Hz]."""
 
     finished = False
     """Whether the condition has finished. The trial then ends, even before its full duration."""
+    ending = ""
+    """Reason why the condition has finished before its purpose was reached; empty if it was."""
+    phase = math.nan
+    """Number of the present step of a protocol, from 0; NaN in a condition without steps."""
 
-    @classmethod
-    def create(cls, motion: IntendedMotion) -> Condition:
-        """Return a new object of this class for a trial."""
-        return cls()
+    def prepare(self, motion: IntendedMotion) -> None:  # noqa: B027
+        """Prepare a trial with these settings. It is called once, before the first tick."""
 
-    @classmethod
-    def target_for(cls, motion: IntendedMotion) -> Target | None:
+    def target_for(self, motion: IntendedMotion) -> Target | None:
         """Return the target that the person follows in a trial; None if there is none."""
         return None
 
-    @classmethod
-    def is_free(cls, motion: IntendedMotion) -> bool:
+    def is_free(self, motion: IntendedMotion) -> bool:
         """Return whether a person chooses the motion."""
-        return cls.moved_by == "hand" and cls.target_for(motion) is None
+        return self.moved_by == "hand" and self.target_for(motion) is None
 
-    @classmethod
-    def motion_texts(cls, motion: IntendedMotion) -> dict[str, str]:
+    def motion_texts(self, motion: IntendedMotion) -> dict[str, str]:
         """Return texts by name that describe the intended motion in a report."""
         return {"depth": f"{motion.depth * 1e3:.4g} mm"}
 
-    @classmethod
-    def averaged_times(cls, motion: IntendedMotion) -> tuple[float, float, str]:
+    def averaged_times(self, motion: IntendedMotion) -> tuple[float, float, str]:
         """Return which part of a trial the averages of the estimates use.
 
         The result contains the start and the end of this part [s] after the drives were armed, and
@@ -127,31 +131,24 @@ class Mimicry(Teleoperation):
     signal_kinds = ("sine",)
     default_frequency = 1.0
 
-    def __init__(self, target: Target) -> None:
-        self._target = target
+    def prepare(self, motion: IntendedMotion) -> None:
+        """Take the target of this trial."""
+        self._target = self.target_for(motion)
 
-    @classmethod
-    def create(cls, motion: IntendedMotion) -> Mimicry:
-        """Return a new object, with the target of the trial."""
-        return cls(cls.target_for(motion))
-
-    @classmethod
-    def target_for(cls, motion: IntendedMotion) -> Target:
+    def target_for(self, motion: IntendedMotion) -> Target:
         """Return the sinusoidal target of a trial."""
         return Target(motion.signal.highest, motion.depth, motion.count_in)
 
-    @classmethod
-    def motion_texts(cls, motion: IntendedMotion) -> dict[str, str]:
+    def motion_texts(self, motion: IntendedMotion) -> dict[str, str]:
         """Return descriptions of the depth, the target and the count-in."""
-        target = cls.target_for(motion)
+        target = self.target_for(motion)
         low, high = (1e3 * depth for depth in (target.position(0.0), target.depth))
         return super().motion_texts(motion) | {
             "target": f"sine of {target.frequency:g} Hz, from {low:.4g} to {high:.4g} mm",
             "count-in": f"{target.count_in:g} s",
         }
 
-    @classmethod
-    def averaged_times(cls, motion: IntendedMotion) -> tuple[float, float, str]:
+    def averaged_times(self, motion: IntendedMotion) -> tuple[float, float, str]:
         """Leave out the count-in: without motion, b and k cannot be identified."""
         if not motion.count_in:
             return super().averaged_times(motion)
@@ -168,22 +165,17 @@ class Autonomous(Condition):
     instruction = "the controller moves the slave; leave the handle free"
     moved_by = "injector"
 
-    def __init__(self, injector: Injector) -> None:
-        self._injector = injector
+    def prepare(self, motion: IntendedMotion) -> None:
+        """Create the injector for the signal of this trial."""
+        self._injector = Injector(
+            motion.signal, motion.depth, motion.admittance, motion.scale, motion.duration
+        )
 
-    @classmethod
-    def create(cls, motion: IntendedMotion) -> Autonomous:
-        """Return a new object, with an injector for the signal of the trial."""
-        signal, depth, duration = motion.signal, motion.depth, motion.duration
-        return cls(Injector(signal, depth, motion.admittance, motion.scale, duration))
-
-    @classmethod
-    def motion_texts(cls, motion: IntendedMotion) -> dict[str, str]:
+    def motion_texts(self, motion: IntendedMotion) -> dict[str, str]:
         """Return descriptions of the depth and of the excitation signal."""
         return super().motion_texts(motion) | {"signal": motion.signal.text}
 
-    @classmethod
-    def averaged_times(cls, motion: IntendedMotion) -> tuple[float, float, str]:
+    def averaged_times(self, motion: IntendedMotion) -> tuple[float, float, str]:
         """Leave out the ramp at the end, in which the excitation decreases to zero."""
         ramp = ramp_time(motion.duration)
         text = f"the ramp of the excitation to zero, the last {ramp:g} s"

@@ -82,6 +82,7 @@ class Controller:
         self._idled = math.nan
         """Time of the first call of `Rig.idle` that was not confirmed yet [s]."""
         self._silent = False
+        self._phase = math.nan
         self._faults: list[DetectedFault] = []
         self.finished = False
         """Whether the control condition has finished, so that the trial ends."""
@@ -92,6 +93,11 @@ class Controller:
     def mode(self) -> Mode:
         """Present mode of the safety supervisor, for example ready, active or fault."""
         return self._supervision.mode
+
+    @property
+    def ending(self) -> str:
+        """Reason why the condition has finished early; empty if there is none."""
+        return self._condition.ending
 
     @property
     def stops(self) -> bool:
@@ -117,6 +123,7 @@ class Controller:
         t = measurement.time - self._start
 
         drive_force, target, desired = 0.0, math.nan, STANDSTILL
+        self._phase = math.nan
         if self._supervision.mode is ACTIVE and 0.0 <= dt <= self._limits.max_gap:
             try:
                 active = measurement.time - self._supervision.since
@@ -124,6 +131,7 @@ class Controller:
                 target = float(self._condition.target(active))
                 desired = self._link.step(drive_force, measurement, dt)
                 self._faults += self._link.faults
+                self._phase = float(self._condition.phase)
                 self.finished = bool(self._condition.finished)
             except BaseException as error:
                 self._fail(Fault.CONTROL_FAILURE, error, measurement.time)
@@ -172,6 +180,7 @@ class Controller:
             timing,
             events,
             self._link.values,
+            self._phase,
             self._observer.update(measurement) if self._observer else math.nan,
         )
         return new_tuple(Record, values)

@@ -20,7 +20,13 @@ class Derivatives(NamedTuple):
 
 
 class Signal(ABC):
-    """An excitation signal: a dimensionless function of time with values in [-1, 1]."""
+    """An excitation signal: a dimensionless function of time with values in [-1, 1].
+
+    It must be continuous with its first derivative, because the injector computes a force from it.
+    """
+
+    kind: str = ""
+    """Kind of the signal in the settings; empty for a signal of another package."""
 
     @property
     @abstractmethod
@@ -235,3 +241,10 @@ class RampHold(Signal):
 
 AnySignal = Sine | Multisine | Chirp | RampHold
 """Types of excitation signal that a trial can have in its settings."""
+SIGNALS: dict[str, type[Signal]] = {
+    "sine": Sine,
+    "multisine": Multisine,
+    "chirp": Chirp,
+    "ramp-hold": RampHold,
+}
+"""Excitation signals by their kind in the settings."""

@@ -8,23 +8,42 @@ mass, the link also computes the desired velocity of the slave.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from dataclasses import dataclass
 
 from drivers import Command, Measurement
-from teleop.control.admittance import Admittance
+from teleop.control.admittance import Admittance, AdmittanceParameters
 from teleop.control.alignment import Pair
 from teleop.control.coupling import Coupling
 from teleop.safety import Verdict
 from teleop.safety.channels import DetectedFault
 
 
+@dataclass(frozen=True)
+class LinkSettings:
+    """Settings of a trial that a link may use."""
+
+    admittance: AdmittanceParameters
+    """Mass, damping and stiffness of the virtual dynamics of the master."""
+    coupling: Coupling
+    """Ratio of slave motion to master motion, and position gain."""
+    period: float
+    """Nominal time between ticks [s]."""
+
+
 class Link(ABC):
-    """Base class of links, which compute the desired velocities of master and slave."""
+    """Base class of links, which compute the desired velocities of master and slave.
+
+    A class of the user needs `align`, `step` and `follow`.
+    """
 
     faults: tuple[DetectedFault, ...] = ()
     """Faults that the link detected in the last call of `step`."""
     values: tuple[float, ...] = ()
     """Recorded values of the last call of `step`, one for each column that the link adds to a
     recording."""
+
+    def prepare(self, settings: LinkSettings) -> None:  # noqa: B027
+        """Prepare a trial with these settings. It is called once, before the first tick."""
 
     @abstractmethod
     def align(self, measurement: Measurement) -> None:

@@ -59,6 +59,8 @@ class Record(NamedTuple):
     link: tuple[float, ...] = ()
     """Values of the communication channel and of the force feedback (see
     `teleop.control.bilateral`); empty if there is neither."""
+    phase: float = math.nan
+    """Number of the present step of a protocol, from 0; NaN in a condition without steps."""
     observed_hand_force: float = math.nan
     """Force of the hand that an observer estimates from the motion of the handle [N]; NaN if there
     is no observer. The controller does not use it."""

@@ -58,6 +58,7 @@ TABLE: tuple[tuple[str, str, str, str], ...] = (
         "input of the admittance: force of the operator or of the PE injector",
     ),
     ("target", "target", "m", "target position of the slave; NaN in conditions without a target"),
+    ("phase", "phase", "-", "number of the step of a protocol, from 0; NaN without a protocol"),
     *(
         (f"{stage}_{axis}_velocity", f"{stage}.{axis}_velocity", "m/s", meaning)
         for stage, meaning in VELOCITIES.items()

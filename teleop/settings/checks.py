@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
-from teleop.control.conditions import BY_HAND, CONDITIONS
+from teleop.control.conditions import BY_HAND, CONDITIONS, Condition
+from teleop.control.protocol import LAG, ProtocolSettings
 from teleop.errors import InputError
+from teleop.safety import Limits
 from teleop.settings import ranges
 
 if TYPE_CHECKING:
@@ -37,9 +39,9 @@ def check_settings(settings: TrialSettings) -> None:
     own = [*inconsistent_values(settings)]
     fastest = 0.05 * settings.loop_rate
     of_rig: list[str] = []
-    if settings.excitation.highest > fastest:
+    if settings.highest_frequency > fastest:
         own.append(
-            f"frequency {settings.excitation.highest:g} Hz in the excitation: expected at most "
+            f"frequency {settings.highest_frequency:g} Hz in the excitation: expected at most "
             f"a twentieth of the rate, {fastest:g} Hz"
         )
     else:  # the limits depend on the frequency
@@ -55,17 +57,16 @@ def inconsistent_values(settings: TrialSettings) -> Iterator[str]:
             f"class {settings.custom_condition.name} of the condition: expected another name than "
             f"{', '.join(CONDITIONS)}"
         )
-    condition, motion = settings.named_condition, settings.intended_motion
-    if settings.excitation.kind not in condition.signal_kinds:
-        kinds = " or ".join(condition.signal_kinds)
-        yield (
-            f"signal {settings.excitation.kind}: not in {settings.condition}: expected a {kinds}"
-        )
-    yield from settings.feedback.problems(settings.condition, None)
+    condition, motion = settings.performed_as, settings.intended_motion
+    if not accepts(condition, settings):
+        kinds, named = " or ".join(condition.signal_kinds), settings.signal_name
+        yield f"signal {named}: not in {settings.condition_name}: expected a {kinds}"
+    yield from settings.feedback.problems(settings.condition_name, settings.by_hand, None)
+    yield from problems_of_link(settings)
     if settings.operator_model.aim_force and not condition.is_free(motion):
-        free = [name for name, one in CONDITIONS.items() if one.is_free(motion)]
+        free = [name for name, one in CONDITIONS.items() if one().is_free(motion)]
         yield (
-            f"operator_model.aim_force: not in {settings.condition}: expected condition "
+            f"operator_model.aim_force: not in {settings.condition_name}: expected condition "
             f"{' or '.join(free)}"
         )
     try:
@@ -73,6 +74,8 @@ def inconsistent_values(settings: TrialSettings) -> Iterator[str]:
         settings.estimation_preset.bank()
     except ValueError as error:
         yield from str(error).splitlines()
+    if settings.protocol:
+        yield from problems_of_protocol(settings, settings.protocol)
     shortest, longest = 1.0 / settings.loop_rate, ranges.MOST_TICKS / settings.loop_rate
     if settings.duration < shortest:
         yield f"duration {settings.duration:g} s: expected at least one tick, {shortest:g} s"
@@ -84,19 +87,25 @@ def inconsistent_values(settings: TrialSettings) -> Iterator[str]:
 
 def problems_of_rig(settings: TrialSettings) -> Iterator[str]:
     """Yield a message for each problem that depends on the rig and its limits."""
-    condition = settings.named_condition
+    condition = settings.performed_as
     target = condition.target_for(settings.intended_motion)
-    accepted = settings.excitation.kind in condition.signal_kinds
+    accepted = accepts(condition, settings)
     if target and accepted and settings.rig and settings.duration < target.shortest:
         yield (
             f"duration {settings.duration:g} s: expected count-in and two periods of the target, "
             f"{target.shortest:g} s or more"
         )
-    yield from settings.feedback.problems(settings.condition, settings.rig)
+    yield from settings.feedback.problems(settings.condition_name, settings.by_hand, settings.rig)
     yield from problems_of_handle(settings)
     yield from problems_of_slave(settings)
     if settings.rig and settings.clock != "real":
         yield "clock virtual: a hardware rig runs in real time: expected real"
+    custom = settings.custom_rig
+    if custom and custom.plug_in and settings.rig:
+        yield f"custom_rig {custom.name}: beside a rig file: expected one of them"
+    real = custom and custom.plug_in and not custom.properties.get("virtual_time")
+    if custom and real and settings.clock != "real":
+        yield f"clock virtual: the rig {custom.name} runs in real time: expected real"
     try:
         settings.tare.check(settings.rig_name)
     except InputError as error:
@@ -120,6 +129,8 @@ def problems_of_rig(settings: TrialSettings) -> Iterator[str]:
             f"depth {settings.depth * 1e3:g} mm: expected at most {deepest * 1e3:g} mm, the soft "
             f"limit of the slave's position on the rig {settings.rig_name!r}"
         )
+    if settings.protocol:
+        yield from problems_of_phases(settings, settings.protocol, limits)
     coupling, gain = settings.master_coupling, settings.feedback.gain
     felt = gain * limits.soft_force if settings.feedback.law != "none" else 0.0
     if coupling and felt > coupling.max_force:
@@ -142,15 +153,71 @@ def problems_of_rig(settings: TrialSettings) -> Iterator[str]:
         yield f"tare: {error}"
 
 
+def accepts(condition: Condition, settings: TrialSettings) -> bool:
+    """Return whether a condition accepts the excitation signal of the settings."""
+    return not condition.signal_kinds or settings.signal_name in condition.signal_kinds
+
+
+def problems_of_protocol(settings: TrialSettings, protocol: ProtocolSettings) -> Iterator[str]:
+    """Yield a message for each reason why a protocol cannot be performed with other settings."""
+    if settings.custom_condition:
+        yield "protocol: beside custom_condition: expected one of them"
+    if settings.custom_link:
+        yield f"link {settings.custom_link.name}: not in a protocol"
+    if settings.duration < protocol.longest:
+        yield (
+            f"duration {settings.duration:g} s: expected at least {protocol.longest:.4g} s, which "
+            "the protocol can take"
+        )
+
+
+def problems_of_link(settings: TrialSettings) -> Iterator[str]:
+    """Yield a message if a link of another package does not fit to other settings."""
+    if not settings.custom_link:
+        return
+    what = f"link {settings.custom_link.name}"
+    if settings.has_link:
+        yield f"{what}: not with force feedback or a channel: expected one of them"
+    if settings.condition not in BY_HAND and not settings.custom_condition:
+        yield (
+            f"{what}: not in {settings.condition}, whose force moves the admittance of the "
+            f"settings: expected {' or '.join(BY_HAND)}"
+        )
+
+
+def problems_of_phases(
+    settings: TrialSettings, protocol: ProtocolSettings, limits: Limits
+) -> Iterator[str]:
+    """Yield a message for each phase that does not respect the limits of the rig."""
+    depth, lag = settings.setup.depth, settings.transmission.force_lag
+    for number, phase in enumerate(protocol.phases, start=1):
+        what = f"protocol, phase {number} ({phase.kind})"
+        if phase.deepest > depth * (1.0 + 1e-9):
+            yield (
+                f"{what}: depth {phase.deepest * 1e3:g} mm: expected at most the depth of the "
+                f"trial, {depth * 1e3:.4g} mm"
+            )
+        if phase.largest_force > limits.soft_force:
+            yield (
+                f"{what}: force {phase.largest_force:g} N: expected at most the soft force limit, "
+                f"{limits.soft_force:.3g} N"
+            )
+    if protocol.largest_force and lag > LAG:
+        yield (
+            f"protocol: the contact force has a lag of {lag * 1e3:.3g} ms: expected at most "
+            f"{LAG * 1e3:g} ms, with which the force can be controlled"
+        )
+
+
 def problems_of_handle(settings: TrialSettings) -> Iterator[str]:
     """Yield a message if the rig lacks the handle, or the coupling of the handle is not passive."""
     rig, coupling = settings.rig, settings.master_coupling
     if rig and not (rig.sections.channels.master_force or coupling):
-        if settings.condition in BY_HAND:
+        if settings.by_hand:
             others = [name for name in CONDITIONS if name not in BY_HAND]
             yield (
-                f"condition {settings.condition}: the rig {rig.sections.name!r} has no handle: "
-                f"expected {' or '.join(others)}"
+                f"condition {settings.condition_name}: the rig {rig.sections.name!r} has no "
+                f"handle: expected {' or '.join(others)}"
             )
         return
     if settings.force_master and rig:

@@ -7,20 +7,19 @@ from __future__ import annotations
 
 import contextlib
 import textwrap
-import tomllib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from drivers.input_file import read_input
-from drivers.problems import syntax_problem
 from estimation import MODELS
 from teleop.errors import InputError
-from teleop.files import RECORDING, unreadable
+from teleop.files import RECORDING
 from teleop.recording.recording import load
 from teleop.settings.documents import checked, to_document
 from teleop.settings.feedback_checks import check_feedback
 from teleop.settings.problems import DERIVED
+from teleop.settings.protocol_files import protocol_of
+from teleop.settings.toml_files import read_toml
 from teleop.settings.trial_settings import KEYS, TrialSettings, schema
 
 if TYPE_CHECKING:
@@ -88,25 +87,26 @@ def as_recorded_now(document: Mapping[str, Any]) -> dict[str, Any]:
     return {key: value for key, value in document.items() if key not in removed} | lost
 
 
-def read_toml(path: Path) -> dict[str, Any]:
-    """Return the contents of a TOML file as a dictionary."""
-    text = ""
-    try:
-        text = read_input(path).decode()
-        return tomllib.loads(text)
-    except OSError as error:
-        raise unreadable(path, error) from error
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"{path}: {syntax_problem(error, text)}") from error
-
-
 def settings_from(document: Mapping[str, Any], folder: Path) -> TrialSettings:
     """Return the settings in a configuration file. Paths in it are relative to `folder`."""
     problems = []
     if document.get("rig") and "cube" in document:
         problems.append("cube: belongs to the simulated rig: expected no cube beside a rig")
     with raised_together(problems):
-        return checked(document, folder)
+        return checked(with_duration(document, folder), folder)
+
+
+def with_duration(document: Mapping[str, Any], folder: Path) -> Mapping[str, Any]:
+    """Return a document in which a protocol without a duration gets the longest that it can take.
+
+    An invalid protocol is left for the check of all settings.
+    """
+    protocol = document.get("protocol")
+    if protocol is None or KEYS["duration"] in document:
+        return document
+    with contextlib.suppress(InputError):
+        return {**document, KEYS["duration"]: protocol_of(protocol, folder).longest}
+    return document
 
 
 def complete_settings(

@@ -26,7 +26,7 @@ def load_rig_file(path: Path) -> RigFile:
         if path.name in offered(RIGS, tuple(sys.path)).names:
             raise InputError(
                 f"rig {path.name!r}: a rig class of an installed package: expected a rig file "
-                "(TOML); only teleop run runs on a rig class"
+                "(TOML), which this command needs"
             ) from error
         raise unreadable(path, error) from error
     except OSError as error:

@@ -47,9 +47,10 @@ from teleop.control.admittance import AdmittanceParameters
 from teleop.control.channel import ChannelSettings
 from teleop.control.conditions import CONDITIONS, Condition, IntendedMotion
 from teleop.control.coupling import Coupling
-from teleop.control.excitation_signals import AnySignal, Sine
+from teleop.control.excitation_signals import AnySignal, Signal, Sine
 from teleop.control.feedback.settings import FeedbackSettings
 from teleop.control.hand_observer import HandObserver
+from teleop.control.protocol import Protocol, ProtocolSettings
 from teleop.control.tare import NO_TARE, Tare
 from teleop.control.target import Target
 from teleop.names import (
@@ -67,7 +68,7 @@ from teleop.safety.rig_limits import rig_limits
 from teleop.safety.tightened_limits import NOT_TIGHTENED, TightenedLimits
 from teleop.settings import ranges
 from teleop.settings.checks import check_settings
-from teleop.settings.custom_class import CustomClass
+from teleop.settings.custom_class import CustomClass, known_condition, known_signal
 from teleop.settings.problems import all_problems
 from teleop.settings.simulated_rig_limits import simulated_rig_limits
 from teleop.settings.transmission_file import calibration, simulated_transmission
@@ -78,7 +79,9 @@ from teleop.settings.values import (
     Seconds,
     model_of,
     one_line,
+    protocol_named,
     rig_of,
+    stated,
     tare_of,
     without_zero,
 )
@@ -180,11 +183,22 @@ class TrialSettings:
     """The hardware rig. Default: the simulated rig."""
     depth: Annotated[Metres | None, Field(alias="depth_m", gt=0.0, le=ranges.DEEPEST)] = None
     """Depth of palpation [m], required on a hardware rig. Default: the depth in the paper."""
-    custom_condition: CustomClass | None = None
-    """Class that computed the force in place of `condition`. Set by `run_trial(condition=...)`."""
-    custom_rig: CustomClass | None = None
-    """Class of the rig that replaced the rig file or the simulated rig. Set by
-    `run_trial(rig_maker=...)`."""
+    protocol: Annotated[
+        ProtocolSettings | None, BeforeValidator(protocol_named, str | ProtocolSettings | None)
+    ] = None
+    """Protocol that the slave performs in place of `condition`: the name of one of this package,
+    the path of a file, or a table with a list of phases."""
+    custom_condition: Annotated[CustomClass | None, AfterValidator(stated("condition"))] = None
+    """Condition of another package that replaces `condition`: its name and its parameters. Also the
+    class passed to `run_trial(condition=...)`; `condition` then selects the simulated operator."""
+    custom_signal: Annotated[CustomClass | None, AfterValidator(stated("signal"))] = None
+    """Excitation signal of another package that replaces `signal`: its name and its parameters."""
+    custom_link: Annotated[CustomClass | None, AfterValidator(stated("link"))] = None
+    """Link of another package between master and slave, which replaces admittance and coupling: its
+    name and its parameters. Not with force feedback or a communication channel."""
+    custom_rig: Annotated[CustomClass | None, AfterValidator(stated("rig"))] = None
+    """Rig of another package that replaces the rig file and the simulated rig: its name and its
+    parameters. Also the class passed to `run_trial(rig_maker=...)`."""
 
     def __post_init__(self) -> None:
         check_settings(self)
@@ -207,30 +221,35 @@ class TrialSettings:
 
         On a hardware rig, only the depth of palpation is used.
         """
-        setup = self.custom_setup or paper_setup(self.named_condition.moved_by, self.cube)
+        setup = self.custom_setup or paper_setup(self.performed_as.moved_by, self.cube)
         return replace(setup, depth=self.depth) if self.depth else setup
 
     @property
-    def excitation(self) -> AnySignal:
+    def excitation(self) -> Signal:
         """Excitation signal in the condition `autonomous`, or motion of the target in `mimic`.
 
-        This is the setting `signal` or, if `signal` is None, a sine whose frequency depends on the
-        condition.
+        This is the setting `custom_signal` or `signal`. If both are None, it is a sine whose
+        frequency depends on the condition.
         """
-        return self.signal or Sine(self.named_condition.default_frequency)
+        if self.custom_signal:
+            return known_signal(self.custom_signal)
+        return self.signal or Sine(self.performed_as.default_frequency)
 
     @property
-    def named_condition(self) -> type[Condition]:
-        """Class of the condition with the name `condition`. It selects the simulated operator."""
-        return CONDITIONS[self.condition]
+    def performed_as(self) -> Condition:
+        """Condition that selects the simulated operator and the depth.
+
+        It is that of the trial, or `condition` beside an object that `run_trial` was given.
+        """
+        if self.custom_condition and self.custom_condition.plug_in:
+            return known_condition(self.custom_condition)
+        return Protocol(self.protocol) if self.protocol else CONDITIONS[self.condition]()
 
     @property
-    def condition_type(self) -> type[Condition]:
-        """Class that states the properties of the condition of this trial.
-
-        Only the name of a class of the user is known here. It has the properties of `Condition`.
-        """
-        return Condition if self.custom_condition else self.named_condition
+    def known_condition(self) -> Condition:
+        """Condition of the trial, with all properties that are known of it."""
+        custom = self.custom_condition
+        return known_condition(custom) if custom else self.performed_as
 
     @property
     def intended_motion(self) -> IntendedMotion:
@@ -243,12 +262,14 @@ class TrialSettings:
             self.duration,
             self.admittance,
             self.coupling.scale,
+            self.link_transmission,
+            self.encoder_resolution,
         )
 
     @property
     def target(self) -> Target | None:
         """Target position, which the operator follows; None if the condition has no target."""
-        return self.condition_type.target_for(self.intended_motion)
+        return self.known_condition.target_for(self.intended_motion)
 
     @property
     def loop_rate(self) -> float:
@@ -260,12 +281,34 @@ class TrialSettings:
     @property
     def condition_name(self) -> str:
         """Name of the control condition, or of the class that replaced it."""
-        return self.custom_condition.name if self.custom_condition else self.condition
+        if self.custom_condition:
+            return self.custom_condition.name
+        return "protocol" if self.protocol else self.condition
+
+    @property
+    def highest_frequency(self) -> float:
+        """Highest frequency of the intended motion [Hz]."""
+        return self.protocol.highest if self.protocol else self.excitation.highest
+
+    @property
+    def signal_name(self) -> str:
+        """Kind of the excitation signal, or name of that of another package."""
+        return self.custom_signal.name if self.custom_signal else self.excitation.kind
+
+    @property
+    def by_hand(self) -> bool:
+        """Whether a person holds the handle."""
+        return self.performed_as.moved_by == "hand"
 
     @property
     def is_simulated(self) -> bool:
         """Whether the trial runs on the simulated rig that these settings describe."""
         return not (self.rig or self.custom_rig)
+
+    @property
+    def needs_arming(self) -> bool:
+        """Whether something real may move, so that a person must arm the drives."""
+        return not self.is_simulated and self.clock == "real"
 
     @property
     def rig_name(self) -> str:
@@ -369,7 +412,7 @@ class TrialSettings:
             setup.cube.fast,
             setup.depth,
             self.coupling.scale,
-            self.excitation.highest,
+            self.highest_frequency,
             1.0 / loop.stiffness if loop else self.plant_parameters.slave_compliance,
             setup.transmission,
             self.force_master,
@@ -454,7 +497,7 @@ class TrialSettings:
             return self.preset
         preset = paper_preset("soft" if self.rig else self.cube)
         if self.rig and self.depth:
-            preset = preset.for_depth(self.depth, DEPTH[self.named_condition.moved_by]["soft"])
+            preset = preset.for_depth(self.depth, DEPTH[self.performed_as.moved_by]["soft"])
         return replace(
             preset,
             estimators=self.estimators,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Annotated
 
@@ -14,6 +14,9 @@ from estimation import MODELS
 from teleop.control.tare import read_tare
 from teleop.errors import InputError
 from teleop.settings import ranges
+from teleop.settings.custom_class import CustomClass, stated_part
+from teleop.settings.plug_ins import PartName
+from teleop.settings.protocol_files import load_protocol
 from teleop.settings.rig_loading import load_rig_file
 
 FILE = "file"
@@ -22,6 +25,7 @@ FILE = "file"
 Seconds = Annotated[float, Field(json_schema_extra={"unit": "s"})]
 Hertz = Annotated[float, Field(json_schema_extra={"unit": "Hz"})]
 Metres = Annotated[float, Field(json_schema_extra={"unit": "m"})]
+Newtons = Annotated[float, Field(json_schema_extra={"unit": "N"})]
 ModelName = Annotated[str, Field(json_schema_extra={"enum": [*MODELS]})]
 
 
@@ -71,6 +75,27 @@ def rig_of(value: object, info: ValidationInfo) -> object:
     except (TypeError, KeyError) as error:
         raise ValueError("expected a path and the text of a rig file") from error
     return value
+
+
+def stated(part: PartName) -> Callable[[CustomClass | None], CustomClass | None]:
+    """Return a function that completes the statement about a part of another package."""
+
+    def complete(value: CustomClass | None) -> CustomClass | None:
+        """Return the complete statement."""
+        try:
+            return value and stated_part(part, value)
+        except InputError as error:
+            raise in_file(error) from error
+
+    return complete
+
+
+def protocol_named(value: object, info: ValidationInfo) -> object:
+    """Return the protocol with a name or of a file. Other values remain, for pydantic to check."""
+    try:
+        return load_protocol(value, folder(info)) if isinstance(value, str) else value
+    except InputError as error:
+        raise in_file(error) from error
 
 
 def folder(info: ValidationInfo) -> Path:

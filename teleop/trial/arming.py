@@ -13,17 +13,15 @@ from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.stop_switch import StopSwitch, is_foreground
 
 
-def check_stated(settings: TrialSettings, is_hardware: bool = False) -> None:
-    """Check that the settings of a trial on a hardware rig contain a specimen and a depth.
-
-    `is_hardware`: whether the rig is a class of another package.
-    """
+def check_stated(settings: TrialSettings) -> None:
+    """Check that the settings of a trial on a hardware rig contain a specimen and a depth."""
     missing = []
     if not settings.specimen:
         missing.append("a specimen (--specimen NAME, or specimen in the configuration)")
     if settings.depth is None:
         missing.append("a depth (--depth 3mm, or depth_m in the configuration)")
-    if (settings.rig or is_hardware) and missing:
+    custom = settings.custom_rig
+    if missing and (settings.rig or (custom and custom.plug_in)):
         raise InputError(f"rig {settings.rig_name!r}: expected also {' and '.join(missing)}")
 
 
@@ -87,7 +85,7 @@ def arming_text(settings: TrialSettings) -> str:
     limits = settings.limits
     depth = "not stated" if settings.depth is None else f"{settings.depth * 1e3:g} mm"
     motion = (
-        f"{settings.condition}, {settings.palpated}, {settings.duration:g} s, depth {depth}, "
+        f"{settings.condition_name}, {settings.palpated}, {settings.duration:g} s, depth {depth}, "
         f"force limit {limits.soft_force:g} N, stop at {limits.hard_force:g} N"
     )
     return motion_text(settings.rig_name, motion)

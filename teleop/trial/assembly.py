@@ -23,10 +23,9 @@ from teleop.control.conditions import Condition
 from teleop.control.controller import Controller
 from teleop.control.estimates import Estimation
 from teleop.control.feedback.law import LawInputs
-from teleop.control.link import DirectLink, Link
-from teleop.errors import InputError
+from teleop.control.link import DirectLink, Link, LinkSettings
 from teleop.recording.columns import FEEDBACK_COLUMNS, Layout
-from teleop.settings.custom_class import create_condition
+from teleop.settings.custom_class import called, create
 from teleop.settings.feedback_checks import expected_stiffness
 from teleop.settings.trial_settings import TrialSettings
 
@@ -56,10 +55,8 @@ def make_rig(
     `pointer`: None for the simulated operator of the control condition.
     """
     if settings.custom_rig:
-        raise InputError(
-            f"rig {settings.custom_rig}: a recording cannot create it: expected rig_maker= in "
-            "Python, or another rig"
-        )
+        maker: RigMaker = create("rig", settings.custom_rig)
+        return maker(now)
     if settings.rig is None:
         return make_simulated_rig(settings, now, pointer=pointer)
     from drivers.wired_rig import WiredRig  # imports python-can
@@ -102,9 +99,9 @@ def make_operator(
     """Return a new simulated operator; None if no hand moves the master."""
     depth = handle_depth(settings)
     seed, model = settings.seed, settings.operator_model
-    if settings.named_condition.moved_by != "hand":
+    if not settings.by_hand:
         return None
-    if target := settings.named_condition.target_for(settings.intended_motion):
+    if target := settings.performed_as.target_for(settings.intended_motion):
         return mimic(depth, seed, target.frequency, target.count_in)
     if model.aim_force:
         return ForcePalpation(depth, seed, model.aim_force, model.arm_stiffness, model.withdrawal)
@@ -125,10 +122,20 @@ def handle_depth(settings: TrialSettings) -> float:
 
 
 def make_condition(settings: TrialSettings) -> Condition:
-    """Return a new object for the control condition that the settings state."""
-    if settings.custom_condition:
-        return create_condition(settings.custom_condition)
-    return settings.named_condition.create(settings.intended_motion)
+    """Return a new object for the condition that the settings state, prepared for the trial."""
+    custom = settings.custom_condition
+    condition: Condition = create("condition", custom) if custom else settings.performed_as
+    return prepared(condition, settings)
+
+
+def prepared(condition: Condition, settings: TrialSettings) -> Condition:
+    """Prepare a condition for a trial; InputError if a part of the trial is not installed."""
+    if settings.custom_signal:
+        create("signal", settings.custom_signal)
+    called(
+        f"condition {settings.condition_name}", condition.prepare, motion=settings.intended_motion
+    )
+    return condition
 
 
 def make_link(settings: TrialSettings) -> Link:
@@ -138,6 +145,11 @@ def make_link(settings: TrialSettings) -> Link:
     position of the master. If the slave followed only the velocity, a lost packet of the channel
     would cause a permanent position error of the slave.
     """
+    if settings.custom_link:
+        link: Link = create("link", settings.custom_link)
+        given = LinkSettings(settings.admittance, settings.coupling, 1.0 / settings.loop_rate)
+        called(f"link {settings.custom_link.name}", link.prepare, settings=given)
+        return link
     admittance, coupling = Admittance(settings.admittance), settings.coupling
     if not settings.has_link:
         return DirectLink(admittance, coupling)
@@ -145,7 +157,7 @@ def make_link(settings: TrialSettings) -> Link:
         coupling = replace(coupling, position_gain=LINK_GAIN)
     feedback = settings.feedback
     stiffness = expected_stiffness(settings)
-    given = LawInputs(
+    inputs = LawInputs(
         admittance,
         coupling,
         feedback.gain,
@@ -154,7 +166,7 @@ def make_link(settings: TrialSettings) -> Link:
         settings.is_glued,
         stiffness,
     )
-    halves = feedback.law_type.halves(given)
+    halves = feedback.law_type.halves(inputs)
     channel = settings.channel or ChannelSettings()
     closed = feedback.law != "none"
     return BilateralLink(admittance, coupling, *halves, channel, settings.seed, closed)

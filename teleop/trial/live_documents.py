@@ -70,13 +70,13 @@ def trial_document(
         "type": "trial",
         "number": number,
         "condition": settings.condition_name,
-        "instruction": settings.condition_type.instruction,
+        "instruction": settings.known_condition.instruction,
         "introduction": introduction(settings),
         "explanations": explanations(settings.estimation_preset.estimators),
         "specimen": settings.palpated,
         "duration": settings.duration,
         "choice": {
-            "condition": settings.condition,
+            "condition": settings.condition_name,
             "specimen": settings.cube if settings.is_simulated else settings.palpated,
             "duration": settings.duration,
             "feedback": settings.feedback.law,
@@ -158,7 +158,7 @@ def introduction(settings: TrialSettings) -> str:
     listed = " and ".join(filter(None, [", ".join(names[:-1]), names[-1]]))
     methods = listed if count <= MOST_NAMED else f"{count} methods"
     estimated = f"while {methods} estimate{'s' * (count == 1)} its stiffness k and damping b"
-    if settings.custom_condition or settings.named_condition.moved_by != "hand":
+    if settings.known_condition.moved_by != "hand":
         return f"the controller moves the tool on {specimen}, {estimated}"
     if settings.operator == "pointer":
         who, verbs = "you", ("press", "follow")

@@ -102,7 +102,7 @@ class Loop:
         if not (self._armed or self._switch.page.arms):
             self._begin = record.t
         if record.t - self._begin >= self._last or self.controller.finished:
-            self._end = END
+            self._end = self.controller.ending or END
         if record.mode is not IDLE or self.error:
             return self._elapsed < self._leave
         if self._end and not self._armed:

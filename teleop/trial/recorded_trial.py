@@ -29,7 +29,7 @@ def trial_settings(recording: Recording) -> TrialSettings | None:
 
 def averaged_part(recording: Recording | RecordingFile, settings: TrialSettings) -> AveragedPart:
     """Return the part of a recorded trial over which the estimates are averaged."""
-    part = AveragedPart(*settings.condition_type.averaged_times(settings.intended_motion))
+    part = AveragedPart(*settings.known_condition.averaged_times(settings.intended_motion))
     if settings.target and "target" not in recording.units:
         part = WHOLE  # recorded by a version whose target had no count-in
     armed = next((event["time"] for event in recording.events if event["mode"] == "active"), 0.0)
@@ -69,9 +69,11 @@ def estimate_settings(recording: Recording) -> EstimateSettings:
 
 def performed(settings: TrialSettings) -> dict[str, str]:
     """Return texts by name that describe the motion in a trial, including default values."""
-    if settings.custom_condition:
-        return {name: f"{v}" for name, v in settings.custom_condition.parameters.items()}
-    return settings.condition_type.motion_texts(settings.intended_motion)
+    texts = settings.known_condition.motion_texts(settings.intended_motion)
+    for part in (settings.custom_condition, settings.custom_signal, settings.custom_link):
+        if part:
+            texts |= {name: f"{value}" for name, value in part.parameters.items()}
+    return texts
 
 
 def recorded_motion(recording: Recording) -> dict[str, str]:

@@ -53,6 +53,7 @@ def tick_cost(settings: TrialSettings) -> float:
         rig=None,
         custom_rig=None,
         custom_condition=None,
+        custom_signal=None,
         tare=NO_TARE,
         custom_limits=None,
         tightened_limits=NOT_TIGHTENED,
@@ -96,7 +97,7 @@ def check_rate(settings: TrialSettings) -> float:
         cost = min(cost, tick_cost(settings))
         if cost <= SHARE / settings.loop_rate:
             return cost
-    other = "" if settings.rig else ", or --clock virtual"
+    other = "" if settings.needs_arming else ", or --clock virtual"
     raise TooSlowError(f"{too_slow(settings.loop_rate, cost)}{other}")
 
 

@@ -11,7 +11,7 @@ from sim_backend import SimulatedRig
 from teleop.control.conditions import Condition
 from teleop.errors import InputError
 from teleop.names import RealtimeName
-from teleop.settings.custom_class import described
+from teleop.settings.custom_class import described, with_averaged
 from teleop.settings.ranges import MOST_TICKS_IN_MEMORY
 from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.arming import check_stated
@@ -22,6 +22,7 @@ from teleop.trial.assembly import (
     make_controller,
     make_layout,
     make_rig,
+    prepared,
 )
 from teleop.trial.live_link import LiveLink
 from teleop.trial.loop import Loop
@@ -89,15 +90,20 @@ def run_trial(
         stopped and the recording is complete.
     """
     if switch is None:
-        with StopSwitch(key=not settings.is_simulated or rig_maker is not None) as switch:
+        is_real = not settings.is_simulated or rig_maker is not None
+        with StopSwitch(key=is_real and settings.clock == "real") as switch:
             return run_trial(
                 settings, record, show, switch, real, overwrite, condition, rig_maker, live, arm
             )
     check_stated(settings)
     if condition:
         settings = replace(settings, custom_condition=described(condition))
+        condition = prepared(condition, settings)
     else:
         condition = make_condition(settings)
+    if custom := settings.custom_condition:
+        known = with_averaged(custom, condition, settings.intended_motion)
+        settings = replace(settings, custom_condition=known)
     check_memory(settings, record)
     clock = make_clock(settings)
     pointer = live.make_operator() if live else None
@@ -171,6 +177,7 @@ def check_armed(settings: TrialSettings, rig: Rig, arm: bool, live: LiveLink | N
     """Check that a person has permitted the drives to move, or can do so in the live page."""
     # a derived class, such as one with a real sensor or drive, is not known to be harmless
     simulated = settings.is_simulated or type(rig) is SimulatedRig
+    simulated |= settings.clock == "virtual" and rig.virtual_time
     if not (simulated or arm is True or (live and live.by_page)):
         raise InputError(
             f"rig {settings.rig_name!r}: nobody has armed the drives: expected arm=True, after a "

@@ -146,7 +146,7 @@ def test_estimate_prints_the_estimators_beside_batch_least_squares(capsys, recor
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["run", "--condition", "telepathy"], ["telepathy", "--condition", "autonomous"]),
+        (["run", "--condition", "telepathy"], ["telepathy", "condition", "autonomous"]),
         (["run", "--cube", "wood"], ["wood", "--cube", "soft"]),
         (["run", "--duration", "0"], ["duration 0 s"]),
         (["run", "--duration=-3"], ["duration -3 s"]),

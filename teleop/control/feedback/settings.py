@@ -12,7 +12,7 @@ from teleop.control.feedback.law import MasterHalf
 from teleop.control.feedback.model_mediated import ModelMediatedMaster
 from teleop.control.feedback.position_force import PositionForceMaster
 from teleop.errors import InputError
-from teleop.names import ConditionName, FeedbackName, RemovedFeedbackName
+from teleop.names import FeedbackName, RemovedFeedbackName
 
 LAWS: dict[str, type[MasterHalf]] = {
     "none": MasterHalf,
@@ -52,12 +52,13 @@ class FeedbackSettings:
         if not 0.0 < self.gain < math.inf:
             raise ValueError(f"gain of the feedback must be positive, got {self.gain}")
 
-    def problems(self, condition: ConditionName, rig: RigFile | None) -> Iterator[str]:
+    def problems(self, condition: str, by_hand: bool, rig: RigFile | None) -> Iterator[str]:
         """Yield a message for each reason why a trial cannot use these feedback settings.
 
-        `rig` is None on the simulated rig.
+        `condition` is the name of the condition, and `by_hand` whether a person holds the handle in
+        it. `rig` is None on the simulated rig.
         """
-        if self.law != "none" and condition not in BY_HAND:
+        if self.law != "none" and not by_hand:
             yield (
                 f"feedback {self.law}: nobody holds the handle in the condition {condition}: "
                 f"expected {' or '.join(BY_HAND)}"

@@ -16,7 +16,8 @@ from pydantic import BaseModel, ConfigDict, Field, StringConstraints, Validation
 from sim_backend import CUBES
 from teleop.control.conditions import CONDITIONS
 from teleop.errors import invalid_lines
-from teleop.settings.configuration import read_toml
+from teleop.settings.plug_ins import is_rig_file
+from teleop.settings.toml_files import read_toml
 from teleop.studies.series.order import OrderName
 
 Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,40}$")]
@@ -79,7 +80,10 @@ class Plan(BaseModel):
 
 def on_rig(plan: Plan, rig: Path, tare: Path | None = None) -> Plan:
     """Return a copy of a plan for a hardware rig; without `tare`, with the plan's zero offsets."""
-    settings = plan.settings | {"rig": str(rig.resolve()), "clock": "real"}
+    if is_rig_file(rig):
+        settings = plan.settings | {"rig": str(rig.resolve()), "clock": "real"}
+    else:
+        settings = plan.settings | {"custom_rig": {"name": str(rig)}, "clock": "real"}
     if tare:
         settings["tare"] = str(tare.resolve())
     return plan.model_copy(update={"settings": settings})

@@ -13,9 +13,10 @@ from pathlib import Path
 from typing import Any
 
 from sim_backend import DEPTH
-from teleop.control.conditions import CONDITIONS, Condition
+from teleop.control.conditions import CONDITIONS
 from teleop.errors import InputError
 from teleop.settings.configuration import complete_settings
+from teleop.settings.plug_ins import entry_point
 from teleop.settings.trial_settings import TrialSettings
 from teleop.studies.series.order import ordered
 from teleop.studies.series.plan import (
@@ -135,7 +136,9 @@ def document_of(plan: Plan, levels: Mapping[str, str]) -> dict[str, Any]:
     for name, level in levels.items():
         own = plan.levels.get(name, {}).get(level)
         parts = [(own or {}, f"levels.{name}.{level}")]
-        if name in SETTINGS and (own is None or level in (SETTINGS[name] or [level])):
+        if name == "condition" and own is None and entry_point("condition", level):
+            parts.insert(0, ({"custom_condition": {"name": level}}, f"the factor {name}"))
+        elif name in SETTINGS and (own is None or level in (SETTINGS[name] or [level])):
             parts.insert(0, ({name: level}, f"the factor {name}"))
         for part, place in parts:
             for key, value in single_settings(part):
@@ -145,10 +148,10 @@ def document_of(plan: Plan, levels: Mapping[str, str]) -> dict[str, Any]:
                         f"{key}: {by} and {place} assign different values: expected one of them"
                     )
             document = merged(document, part)
-    if "rig" in document and "cube" in plan.factors and "cube" in document:
+    if document.keys() & {"rig", "custom_rig"} and "cube" in plan.factors and "cube" in document:
         cube = document.pop("cube")
         document.setdefault("specimen", cube)
-        condition = CONDITIONS.get(document.get("condition", "free"), Condition)
+        condition = CONDITIONS[document.get("condition", "free")]
         depths = DEPTH[condition.moved_by]
         if cube in depths:
             document.setdefault("depth_m", depths[cube])

@@ -1,6 +1,6 @@
 """State what the results of a sweep depend on, besides the plan and the machine.
 
-The origin of results consists of the versions of the packages that compute them, the estimators of
+The origin of results consists of the versions of the packages that compute them, the plug-ins of
 other packages, and the files that the plan names. Results with different origins do not belong into
 one table.
 """
@@ -9,19 +9,22 @@ from __future__ import annotations
 
 import hashlib
 import os
+import sys
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from datetime import datetime
 from functools import cache, lru_cache
-from importlib.metadata import PackageNotFoundError, version
+from importlib.metadata import EntryPoint, PackageNotFoundError, version
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 from drivers.input_file import open_input
+from drivers.registry import offered as entry_points_of
 from estimation.registry import offered, package
 from teleop.errors import reason
 from teleop.json_documents import dumps
+from teleop.settings.plug_ins import PARTS
 from teleop.software import software
 from teleop.trial.metadata import COMPUTE
 
@@ -37,7 +40,7 @@ def origin_of(files: Mapping[str, Path], plug_ins: Iterable[str]) -> Origin:
     """Return the origin of results that this process computes."""
     return {
         **{name: {"version": text} for name, text in versions().items()},
-        **{f"estimator {name}": plug_in(name) for name in plug_ins},
+        **{name: plug_in(name) for name in plug_ins},
         **{name: file(path) for name, path in files.items()},
     }
 
@@ -52,19 +55,28 @@ def versions() -> dict[str, str]:
     return found
 
 
+def points() -> dict[str, EntryPoint]:
+    """Return the entry points of other packages, by what they provide and their name."""
+    found = {f"estimator {name}": point for name, point in offered().points.items()}
+    for part, about in PARTS.items():
+        for point in entry_points_of(about.group, tuple(sys.path)):
+            found[f"{part} {point.name}"] = point
+    return found
+
+
 def plug_ins_in(document: Any) -> tuple[str, ...]:
-    """Return the names of the estimators of other packages that a document contains."""
+    """Return the plug-ins of other packages whose names a document contains."""
     text = dumps(document)
-    return tuple(name for name in sorted(offered().points) if dumps(name) in text)
+    return tuple(what for what in sorted(points()) if dumps(what.partition(" ")[2]) in text)
 
 
 @cache
-def plug_in(name: str) -> dict[str, Any]:
-    """Return the package and version of an estimator of another package, and a hash of its code.
+def plug_in(what: str) -> dict[str, Any]:
+    """Return the package and version of a plug-in of another package, and a hash of its code.
 
-    The code consists of all modules of the package that contains the estimator.
+    The code consists of all modules of the package that contains the plug-in.
     """
-    point = offered().points.get(name)
+    point = points().get(what)
     if point is None:
         return {}
     known = {"version": package(point)}

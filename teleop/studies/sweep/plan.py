@@ -21,7 +21,7 @@ from pydantic import (
 )
 
 from teleop.errors import InputError, invalid_parts
-from teleop.settings.configuration import read_toml
+from teleop.settings.toml_files import read_toml
 
 Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,40}$")]
 """Name of a sweep, which is part of the name of the folder."""

@@ -126,8 +126,9 @@ class TrialTask:
         summary = run_trial(settings).summary()
         if fault := summary["safety"]["fault"]:
             raise SafetyStop(f"stopped for safety: {fault['text']}")
-        about = {SEED: settings.seed}
-        about |= {heading: summary["truth"][key] for key, heading in TRUE_COLUMNS.items()}
+        about: Row = {SEED: settings.seed}
+        known = summary["truth"] or {}  # of a rig of another package, nothing is known
+        about |= {heading: known.get(key) for key, heading in TRUE_COLUMNS.items()}
         return [
             {
                 **about,

@@ -129,6 +129,8 @@ def test_the_class_of_a_condition_is_recorded_with_its_distribution_and_paramete
         "parameters": {"amplitude": 3.0, "start": 0.2},
         "state": {},
         "complete": True,
+        "plug_in": False,
+        "properties": {"moved_by": "hand", "left_out": ""},
     }
     assert trial.summary()["condition"] == "Step"
     assert trial.about == "Step, soft cube, 0.4 s"
@@ -185,7 +187,7 @@ def test_a_condition_whose_constructor_is_not_known_is_not_run_again(lab, tmp_pa
         ({"module": "antigravity"}, "module antigravity is not in this distribution"),
         ({"module": "mylab_steps.absent"}, "cannot be created: ModuleNotFoundError"),
         ({"name": "Absent"}, "cannot be created: AttributeError"),
-        ({"name": "Leave"}, "cannot be created: SystemExit: 0"),
+        ({"name": "Leave"}, "cannot be used: SystemExit: 0"),
         ({"name": "NoCondition", "parameters": {}}, "expected a class derived from Condition"),
         ({"parameters": {"speed": 1.0}}, "unexpected keyword argument"),
         (

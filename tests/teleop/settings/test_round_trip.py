@@ -73,7 +73,9 @@ OTHER = {
     "custom_setup",
     "custom_limits",
     "custom_condition",
+    "custom_link",
     "custom_rig",
+    "custom_signal",
     "rig",
 }
 """Settings that are not varied here: see `test_documents.py` for those of other objects."""

@@ -51,13 +51,13 @@ def installed(tmp_path, monkeypatch):
 def test_a_rig_class_runs_a_trial_and_is_recorded(installed):
     assert main([*RUN, *SPECIMEN, "--rig", "mylab", "--record", "lab.mcap"]) in (0, 3)
     stated = load(installed / "lab.mcap").settings["custom_rig"]
-    assert (stated["name"], stated["distribution"], stated["version"]) == ("MyLab", "My-Lab", "2.1")
+    assert (stated["name"], stated["distribution"], stated["version"]) == ("mylab", "My-Lab", "2.1")
 
 
 @pytest.mark.parametrize(
     ("name", "expected"),
     [
-        ("other", "rig 'other': no such file: expected a rig file, or one of half, lost, mylab"),
+        ("other", "rig 'other': expected a rig file, or one of half, lost"),
         ("half", "My-Lab 2.1: my_lab_rig:Incomplete has no method close, enable, idle, read"),
         ("norig", "a rig of the package My-Lab 2.1: my_lab_rig:NoRig is no class derived from Rig"),
         ("lost", "cannot be loaded: AttributeError"),
@@ -78,7 +78,6 @@ def test_a_name_that_is_no_rig_is_refused_in_one_line(capsys, name, expected):
         ["rig", "check", "mylab"],
         ["rig", "emulate", "mylab"],
         ["rig", "tare", "--rig", "mylab", "--out", "tare.json"],
-        ["series", "paper", "--rig", "mylab", "--out", "folder", "--yes"],
     ],
     ids=lambda command: " ".join(command[:2]),
 )
@@ -86,7 +85,7 @@ def test_a_name_that_is_no_rig_is_refused_in_one_line(capsys, name, expected):
 def test_a_command_that_needs_a_rig_file_refuses_a_rig_class(capsys, command):
     assert main(command) == 2
     lines = capsys.readouterr().err.splitlines()
-    assert lines[-1].endswith("expected a rig file (TOML); only teleop run runs on a rig class")
+    assert lines[-1].endswith("expected a rig file (TOML), which this command needs")
     assert "'mylab': a rig class" in lines[-1]
 
 

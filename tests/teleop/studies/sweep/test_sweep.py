@@ -539,11 +539,13 @@ def test_the_origin_of_a_plug_in_changes_with_its_code(tmp_path, monkeypatch):
     points = Offered({"springs": FakePoint("spring_fits.inner.rls")}, {})
     monkeypatch.setattr("teleop.studies.sweep.origin.offered", lambda: points)
     assert plug_ins_in({"estimators": ["rls"]}) == ()
-    assert plug_ins_in({"estimators": ["rls", "springs"]}) == ("springs",)
-    before = plug_in.__wrapped__("springs")
-    assert plug_in.__wrapped__("springs") == before
+    assert plug_ins_in({"estimators": ["rls", "springs"]}) == ("estimator springs",)
+    before = plug_in.__wrapped__("estimator springs")
+    assert plug_in.__wrapped__("estimator springs") == before
     (package / "inner" / "rls.py").write_text("gain = 2")
-    text = differences({"estimator springs": before}, {"estimator springs": plug_in("springs")})
+    text = differences(
+        {"estimator springs": before}, {"estimator springs": plug_in("estimator springs")}
+    )
     assert text.startswith("estimator springs: spring-fits 1.0, sha256 ")
     assert differences({"springs": before}, {}).startswith("springs: not installed, expected")
     plug_in.cache_clear()

@@ -1,0 +1,313 @@
+"""Control condition of a protocol: perform its steps one after another, without a hand.
+
+The condition computes a desired velocity of the slave, and from it the force with which the virtual
+mass of the admittance has this velocity after a tick. Let r be the position of the encoder at
+which the tip of the slave has its reference, and x the position of the encoder. Then the velocity
+is
+
+    v = r' + g (r - x),                                                                       (1)
+
+so that an error of the position decays with the rate g. Lost motion and compliance between encoder
+and tip are compensated as far as they are known (`tip_position`). If the contact force f has the
+reference q,
+
+    v = (q' + w (q - f)) / k,                                                                 (2)
+
+where k is the stiffness that the slave has felt. The loop gain of (2) is w k_true / (k s). With a
+total lag T of the loop (in a hold with that of an average), w is 1 / (4 T): if the true stiffness
+is twice the felt one, the phase margin is 61 degrees, and the gain margin is pi. (A loop gain c / s
+with a delay T has the phase margin pi / 2 - c T, and oscillates from c T = pi / 2 on.) While the
+reference of the force changes, the lost motion is crossed with the rate g.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Annotated
+
+from pydantic import Discriminator
+
+from drivers import Measurement
+from estimation.filters import Play
+from teleop.control.admittance import AdmittanceParameters
+from teleop.control.conditions import Condition, IntendedMotion
+from teleop.control.phases import AnyPhase, Reference, Stay, Step
+from teleop.control.tip_position import TipPosition
+
+FOLLOWING = 30.0
+"""Rate g with which an error of the position decays [1/s]."""
+CROSSING = 150.0
+"""Angular frequency of the filter with which the lost motion is crossed [rad/s]."""
+LAG = 0.02
+"""Longest lag of the contact force and of the drive with which the force is controlled [s]."""
+STIFF = 50e3
+"""Stiffness that is assumed until the slave has felt that of the specimen [N/m]."""
+MEMORY = 0.3
+"""Time constant of the averages from which the stiffness is computed [s]."""
+LEAST_TRAVEL = 30e-6
+"""Standard deviation of the position from which on the stiffness is computed [m]."""
+AVERAGING = 0.05
+"""Time constant of the average of the force with which the force is held [s]."""
+CROSSINGS = 8
+"""Number of crossings of the reference force within `CROSSING_TIME` that are an oscillation."""
+CROSSING_TIME = 2.0
+"""Time in which crossings are counted [s]."""
+CROSSING_SIZE = 0.15
+"""Deviation from the reference force that counts as a crossing, relative to it."""
+
+
+@dataclass(frozen=True)
+class ProtocolSettings:
+    """A protocol: a list of phases that the slave performs.
+
+    Raises
+    ------
+    ValueError
+        There is no phase.
+    """
+
+    phases: tuple[Annotated[AnyPhase, Discriminator("kind")], ...]
+    """Phases in their order."""
+    name: str = ""
+    """Name of the protocol."""
+    description: str = ""
+    """What the protocol is for."""
+
+    def __post_init__(self) -> None:
+        if not self.phases:
+            raise ValueError("phases: expected at least one")
+
+    @property
+    def steps(self) -> tuple[Step, ...]:
+        """The steps of all phases, in their order."""
+        numbered = enumerate(self.phases, start=1)
+        return tuple(step for number, phase in numbered for step in phase.steps(number))
+
+    @property
+    def deepest(self) -> float:
+        """Greatest stated depth [m]; 0 if no phase states one."""
+        return max((phase.deepest for phase in self.phases), default=0.0)
+
+    @property
+    def largest_force(self) -> float:
+        """Greatest stated contact force [N]; 0 if no phase states one."""
+        return max((phase.largest_force for phase in self.phases), default=0.0)
+
+    @property
+    def highest(self) -> float:
+        """Highest frequency of the motion [Hz]; 0 without a periodic motion."""
+        return max((phase.highest for phase in self.phases), default=0.0)
+
+    @property
+    def longest(self) -> float:
+        """Longest duration of the protocol [s]: each movement is assumed to need its whole way."""
+        ends = {"position": (0.0, self.deepest), "force": (0.0, self.largest_force)}
+        return sum(max(map(step.duration, ends[step.by])) for step in self.steps)
+
+
+class Protocol(Condition):
+    """Perform the steps of a protocol, by position or by contact force."""
+
+    instruction = "the controller performs a protocol; leave the handle free"
+    moved_by = "injector"
+
+    def __init__(self, settings: ProtocolSettings) -> None:
+        self.settings = settings
+        self.finished = False
+
+    def prepare(self, motion: IntendedMotion) -> None:
+        """Begin with the first step."""
+        self._steps = self.settings.steps
+        self._mass = MassVelocity(motion.admittance)
+        self._scale = motion.scale
+        known = motion.transmission
+        self._lost, self._compliance = known.lost_motion, known.compliance
+        self._offset = Offset(self._lost)
+        self._deadband = 2.0 * motion.resolution
+        self._play = Play(self._lost)
+        self._felt = FeltStiffness()
+        self._crossings = Crossings()
+        self._index = -1
+        self._zero = 0.0
+        """Position of the tip at the contact point [m]."""
+        self._time = self._begin = 0.0
+        self._by, self._value, self._start = "position", math.nan, math.nan
+        self.phase = math.nan
+        self.finished, self.ending = False, ""
+
+    def motion_texts(self, motion: IntendedMotion) -> dict[str, str]:
+        """Return the name of the protocol, and its steps."""
+        steps = "; ".join(step.text for step in self.settings.steps)
+        return super().motion_texts(motion) | {"protocol": self.settings.name, "steps": steps}
+
+    def drive_force(self, t: float, measurement: Measurement) -> float:
+        """Return the force [N] with which the slave performs the present step."""
+        x, f = measurement.slave_position, measurement.contact_force
+        played = self._play.update(x)
+        tip = played - self._compliance * f
+        dt = t - self._time
+        self._time = t
+        if self.finished:
+            return self._mass.force(0.0, dt)
+        if self._index < 0:
+            self._next(t, tip)
+        self._felt.update(tip, f, dt)
+        if self._over(self._steps[self._index], t, tip, f):
+            self._next(t, tip)
+        if self.finished:
+            return self._mass.force(0.0, dt)
+        step = self._steps[self._index]
+        value, rate = step.reference(t - self._begin, self._start)
+        self._value = value
+        if step.by == "position":
+            r = self._zero + value
+            offset = self._offset.update(r, dt)
+            stretch = self._compliance * self._felt.force
+            error = r + offset.value + stretch - x
+            # an error within the resolution would make the drive change its direction at each tick
+            beyond = math.copysign(max(abs(error) - self._deadband, 0.0), error)
+            velocity = rate + offset.rate + FOLLOWING * beyond
+        else:
+            lag = LAG + 2.0 * dt
+            if isinstance(step, Stay):  # the average has less noise
+                velocity = (value - self._felt.force) / (4.0 * (lag + AVERAGING))
+            else:
+                velocity = rate + (value - f) / (4.0 * lag)
+            velocity /= self._felt.stiffness
+            if rate:
+                velocity += FOLLOWING * (math.copysign(self._lost, rate) - (x - played))
+            if self._crossings.update(t, f, value):
+                self._end("the control of the contact force oscillates")
+        return self._mass.force(velocity / self._scale, dt)
+
+    def _over(self, step: Step, t: float, tip: float, f: float) -> bool:
+        """Return whether a step has ended; end the protocol if an approach found no contact."""
+        elapsed = t - self._begin
+        if step.kind == "approach":
+            if f >= step.force:  # type: ignore[attr-defined]
+                self._zero = tip
+                return True
+            if elapsed >= step.duration(self._start):
+                self._end(f"no contact until {1e3 * tip:.3g} mm")
+            return False
+        return elapsed >= step.duration(self._start)
+
+    def _next(self, t: float, tip: float) -> None:
+        """Begin the next step, from the last reference if the controlled quantity is the same."""
+        self._index += 1
+        if self._index == len(self._steps):
+            self._end("")
+            return
+        last = self._by if self._index else ""
+        step = self._steps[self._index]
+        kept = last == step.by and not self._after_approach
+        present = tip - self._zero if step.by == "position" else self._felt.force
+        self._start = self._value if kept else present
+        self._by, self._begin, self.phase = step.by, t, float(self._index)
+        self._crossings = Crossings()
+
+    @property
+    def _after_approach(self) -> bool:
+        """Whether the previous step was an approach, which moves the contact point."""
+        return self._index > 0 and self._steps[self._index - 1].kind == "approach"
+
+    def _end(self, reason: str) -> None:
+        """End the protocol, for a reason if it is not complete."""
+        self.finished, self.ending = True, reason
+
+
+class MassVelocity:
+    """Computes the force that gives the virtual mass of the admittance a velocity after a tick."""
+
+    def __init__(self, admittance: AdmittanceParameters) -> None:
+        self._admittance = admittance
+        self._velocity = self._position = 0.0
+
+    def force(self, velocity: float, dt: float) -> float:
+        """Return the force [N] for the velocity [m/s] after the time `dt` [s].
+
+        m v' + d v + c x = F is solved exactly for a constant force, as in the admittance. The
+        force of the spring is that in the middle of the tick.
+        """
+        m, d, c = self._admittance.mass, self._admittance.damping, self._admittance.stiffness
+        before, self._velocity = self._velocity, velocity
+        travel = 0.5 * (before + velocity) * dt
+        middle = self._position + 0.5 * travel
+        self._position += travel
+        if dt <= 0.0:
+            return d * velocity + c * middle
+        decay = math.exp(-d * dt / m)
+        return d * (velocity - before * decay) / (1.0 - decay) + c * middle
+
+
+class Offset:
+    """Difference between encoder and tip in the lost motion, as the encoder should cross it.
+
+    The difference of `TipPosition` is filtered, so that the drive can follow: a critically damped
+    filter does not overshoot.
+
+    Parameters
+    ----------
+    lost_motion
+        Half width of the play between encoder and tip [m].
+    """
+
+    def __init__(self, lost_motion: float) -> None:
+        self._encoder = TipPosition(lost_motion)
+        self._value = self._rate = 0.0
+
+    def update(self, tip: float, dt: float) -> Reference:
+        """Return the offset and its rate for a reference of the tip [m]."""
+        goal = self._encoder.goal(tip, 0.0, 0.0).position - tip
+        w = min(CROSSING, 0.3 / dt) if dt > 0.0 else 0.0
+        self._rate += (w * w * (goal - self._value) - 2.0 * w * self._rate) * dt
+        self._value += self._rate * dt
+        return Reference(self._value, self._rate)
+
+
+class FeltStiffness:
+    """Stiffness that the slave feels: the slope of the contact force over the recent positions."""
+
+    def __init__(self) -> None:
+        self.stiffness = STIFF
+        """Stiffness [N/m]; `STIFF` before the slave has moved in contact."""
+        self.force = 0.0
+        """Average of the contact force [N]."""
+        self._x = math.nan
+        self._f = self._xx = self._xf = 0.0
+
+    def update(self, x: float, f: float, dt: float) -> None:
+        """Process a sample: position [m] and contact force [N], and the time since the last [s]."""
+        if math.isnan(self._x):
+            self._x, self._f, self.force = x, f, f
+            return
+        self.force += (f - self.force) * min(dt / AVERAGING, 1.0)
+        share = min(dt / MEMORY, 1.0)
+        dx, df = x - self._x, f - self._f
+        self._x += share * dx
+        self._f += share * df
+        self._xx += share * ((1.0 - share) * dx * dx - self._xx)
+        self._xf += share * ((1.0 - share) * dx * df - self._xf)
+        if self._xx > LEAST_TRAVEL**2 and self._xf > 0.0:
+            slope = self._xf / self._xx
+            if slope > 0.02 * self.stiffness:  # not out of contact
+                self.stiffness = slope
+
+
+class Crossings:
+    """Counts how often the contact force crosses its reference by more than a part of it."""
+
+    def __init__(self) -> None:
+        self._side = 0
+        self._times: list[float] = []
+
+    def update(self, t: float, force: float, reference: float) -> bool:
+        """Return whether the force oscillates about its reference."""
+        size = CROSSING_SIZE * abs(reference)
+        side = (force > reference + size) - (force < reference - size)
+        if side and side != self._side:
+            if self._side:
+                self._times = [one for one in self._times if t - one < CROSSING_TIME] + [t]
+            self._side = side
+        return len(self._times) >= CROSSINGS
