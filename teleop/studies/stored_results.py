@@ -11,13 +11,12 @@ from typing import Any
 
 from pydantic import TypeAdapter
 
-from estimation.registry import offered
 from teleop.errors import InputError
 from teleop.evaluation.across.comparison import Compared
 from teleop.evaluation.formats.delimited import METADATA
 from teleop.files import unreadable, write_text
 from teleop.json_documents import dumps
-from teleop.studies.sweep.origin import code_hash, content, origin_of
+from teleop.studies.sweep.origin import code_hash, content, origin_of, points
 
 NAME = ".teleop-compare"
 """Name of the folder of the stored results."""
@@ -47,7 +46,7 @@ class StoredResults:
         if folder:
             code = {name: code_hash(name) for name in CODE}
             # a recording can name an estimator of another package in its settings
-            self._options = dumps([options, origin_of({}, sorted(offered().points)), code])
+            self._options = dumps([options, origin_of({}, sorted(points())), code])
 
     def read(self, file: Path) -> Compared | None:
         """Return the stored result of a file; None if there is none, or if it cannot be read."""

@@ -136,7 +136,7 @@ def group_of(
         for name, one in row.estimates.items():
             if not math.isfinite(one.k):
                 missing.setdefault(name, {})[row.file] = NEVER_UPDATED
-    tracked = [row.tracking for row in rows if row.tracking]
+    tracked = [(row, row.tracking) for row in rows if row.tracking]
     results = [row.result for row in rows if row.result.identifiable]
     unit = independent_unit(rows)
     pooled = tuple(
@@ -166,7 +166,9 @@ def group_of(
         means,
         kinds,
         missing,
-        mean_tracking(tracked),
+        mean_tracking(
+            [tracking for _, tracking in tracked], [row.factors[unit] for row, _ in tracked if unit]
+        ),
         pooled,
         not levels and len(rows) > 1 and any(row.factors.keys().isdisjoint(names) for row in rows),
         unit,

@@ -75,12 +75,12 @@ def mean_of(values: Sequence[Value], units: Sequence[str] = ()) -> Mean:
     return Mean(float(np.mean(numbers)), half, len(values))
 
 
-def mean_tracking(tracked: Sequence[Tracking]) -> dict[str, Mean]:
+def mean_tracking(tracked: Sequence[Tracking], units: Sequence[str] = ()) -> dict[str, Mean]:
     """Return the means of the tracking values over recordings, with 95 % intervals.
 
     The tracking values describe how well the motion follows a sinusoidal target (`Tracking`). The
     keys of the result are `gain`, `phase_deg`, `rms_m` and `frequency_hz`. The result is empty if
-    `tracked` is empty.
+    `tracked` is empty. `units` are those of `mean_of`.
 
     The mean of the phase is a circular mean: the direction of the sum of unit vectors that have the
     phases as directions. If an interval contains impossible values, its half width is replaced by
@@ -93,12 +93,12 @@ def mean_tracking(tracked: Sequence[Tracking]) -> dict[str, Mean]:
         return {}
     found = {}
     for name in ("gain", "rms_m", "frequency_hz"):
-        mean = mean_of([Value(getattr(one, name), math.nan, "") for one in tracked])
+        mean = mean_of([Value(getattr(one, name), math.nan, "") for one in tracked], units)
         found[name] = mean if mean.half <= mean.value else mean._replace(half=math.nan)
     phases = np.array([one.phase_deg for one in tracked])
     centre = math.degrees(np.angle(np.mean(np.exp(1j * np.radians(phases)))))
     near = centre + (phases - centre + TURN / 2.0) % TURN - TURN / 2.0
-    mean = mean_of([Value(float(phase), math.nan, "") for phase in near])
+    mean = mean_of([Value(float(phase), math.nan, "") for phase in near], units)
     value = (centre / TURN - LARGEST_LEAD) % -1.0 + LARGEST_LEAD
     half = mean.half if mean.half < TURN / 2.0 else math.nan
     return {**found, "phase_deg": Mean(TURN * value, half, len(tracked))}

@@ -12,15 +12,18 @@ import subprocess
 import sys
 import time
 from dataclasses import replace
+from importlib.metadata import EntryPoint
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from estimation.estimator import LEVEL_95
+from estimation.registry import Offered
 from teleop.cli import main
 from teleop.commands.compare import BY_USUAL_NAMES, result_of
 from teleop.studies.stored_results import StoredResults
+from teleop.studies.sweep.origin import plug_in
 
 PATTERN = "{subject}/{specimen}_rep{n}.csv"
 STIFFNESS = {"fat": 600.0, "liver": 1500.0}
@@ -160,8 +163,15 @@ def test_a_stored_result_is_read_as_it_was_and_not_for_other_software(data, tmp_
     read = store.read(file)
     assert repr(read) == repr(row)
     assert StoredResults(tmp_path / "store", ["other"]).read(file) is None
-    monkeypatch.setattr("teleop.studies.stored_results.code_hash", lambda name: "other code")
+    with monkeypatch.context() as patch:
+        patch.setattr("teleop.studies.stored_results.code_hash", lambda name: "other code")
+        assert StoredResults(tmp_path / "store", ["options"]).read(file) is None
+    point = EntryPoint("springs", "colorsys:Springs", "teleop.estimators")
+    patched = Offered({"springs": point}, {})
+    monkeypatch.setattr("teleop.studies.sweep.origin.offered", lambda: patched)
+    monkeypatch.setattr("teleop.studies.sweep.origin.package", lambda point: "springs 1.0")
     assert StoredResults(tmp_path / "store", ["options"]).read(file) is None
+    plug_in.cache_clear()
 
 
 @pytest.mark.real_time
