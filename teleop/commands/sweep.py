@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -115,31 +114,14 @@ def sweep(
 
 def conducted(folder: Path, plan: SweepPlan, plan_folder: Path, execute: Execute) -> SweepProgress:
     """Run the points of a plan with a progress bar; its paths are relative to `plan_folder`."""
-    import rich.progress as bars
-    from rich.console import Console
-
+    from teleop.output.progress_bar import progress_bar
     from teleop.studies.sweep.conduct import conduct
     from teleop.studies.sweep.points import points_of
     from teleop.studies.sweep.tasks import task_of
 
     task, points = task_of(plan, plan_folder), points_of(plan)
-    columns = (
-        bars.TextColumn("points"),
-        bars.BarColumn(),
-        bars.MofNCompleteColumn(),
-        bars.TimeRemainingColumn(),
-    )
-    shown, hidden = Console(stderr=True), not sys.stderr.isatty()
-    with bars.Progress(*columns, console=shown, transient=True, disable=hidden) as bar:
-        line = bar.add_task("points", total=len(points))
-        return conduct(
-            folder,
-            plan,
-            task,
-            points,
-            execute,
-            lambda progress: bar.update(line, completed=progress.done),
-        )
+    with progress_bar("points", len(points)) as show:
+        return conduct(folder, plan, task, points, execute, lambda progress: show(progress.done))
 
 
 def print_end(folder: Path, ended: SweepProgress, json: bool) -> None:

@@ -30,11 +30,11 @@ TRACKING_CAPTION = (
     "n = 1, and if it exceeds the possible values (half a turn for a phase, at least 0 for the "
     "others): then more recordings are needed."
 )
-POOLED = (
-    "Recordings of several subjects are pooled: the interval counts the recordings of a subject "
-    "as independent, and is too narrow if the subjects differ."
+UNNAMED = (
+    "No factor names the specimen of each recording: all are averaged as recordings of one "
+    "specimen. If they are not, state their factors (--factors, --by)."
 )
-"""Note below the table of groups, if a group contains several recordings of several subjects."""
+"""Note below the table of groups, if all recordings are averaged and their specimens not known."""
 FILES_NAMED = 3
 """Largest number of files that a note lists for one reason."""
 GROUPS_NAMED = 8
@@ -51,6 +51,19 @@ def pooled_text(names: Sequence[str]) -> str:
     return (
         f"Recordings that differ in {several} are pooled: the interval contains the differences "
         f"between the levels of {several}, as if these levels were a random sample."
+    )
+
+
+def unit_note(units: Collection[str]) -> str:
+    """Return a note on groups in which the recordings of one unit, such as a subject, are averaged.
+
+    `units` are names of factors.
+    """
+    names = " or ".join(units)
+    return (
+        f"The recordings of the same {names} are averaged first. The mean and its interval are "
+        f"those of these averages: with few levels of {names}, the interval is wide, however many "
+        "recordings there are."
     )
 
 

@@ -19,8 +19,8 @@ from teleop.evaluation.batch.stiffness_result import StiffnessResult
 from teleop.files import RECORDING
 from teleop.output.comparison_notes import (
     CAPTION,
-    POOLED,
     TRACKING_CAPTION,
+    UNNAMED,
     correction_note,
     damping_note,
     different_text,
@@ -29,6 +29,7 @@ from teleop.output.comparison_notes import (
     model_notes,
     pooled_text,
     remark_texts,
+    unit_note,
 )
 from teleop.output.console import plain_console, print_table, small
 from teleop.output.result_tables import shown_half, with_half
@@ -55,15 +56,17 @@ def group_table(groups: Sequence[Group], by: Sequence[str]) -> TextTable:
     notes.append(("", correction_note(lags, lost_motions)))
     if where := holding_text(groups):
         notes.append(("", where))
-    if any(group.subjects for group in groups):
-        notes.append(("", POOLED))
-    if pooled := dict.fromkeys(name for group in groups for name in group.pooled):
-        notes.append(("", pooled_text([*pooled])))
+    if averaged := dict.fromkeys(group.unit for group in groups if group.unit):
+        notes.append(("", unit_note(averaged)))
+    if any(group.unnamed for group in groups):
+        notes.append(("", UNNAMED))
     for group in groups:
         for method, means in group.means.items():
             count = str(means["k"].recordings)
             if missing := group.missing.get(method):
                 count = f"{count} {marked(notes, missing_text(method, missing))}"
+            if method == RESULT and group.pooled:
+                count = f"{count} {marked(notes, pooled_text(group.pooled))}"
             kinds_of = group.kinds[method]
             values = []
             for symbol, quantity in RESULTS.items():
@@ -259,7 +262,7 @@ def print_text_table(title: str, table: TextTable) -> None:
     rows = shortened(table.rows, table.left)
     print_table(console, title, table.headings, rows, max(table.left, 1))
     for mark, text in table.notes:
-        style = "yellow" if mark or text == POOLED else None
+        style = "yellow" if mark or text == UNNAMED else None
         console.print("  " + " ".join(filter(None, (mark, text))), style=style)
 
 

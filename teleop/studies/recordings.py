@@ -8,22 +8,31 @@ the folder of the recordings.
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterable, Iterator, Mapping
+import os
+import re
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import takewhile
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any
 
 from teleop.errors import InputError
-from teleop.evaluation.across.comparison import SUBJECT
-from teleop.files import RECORDING, unreadable
+from teleop.evaluation.across.comparison import BODY, REPETITIONS, SUBJECT, Compared
+from teleop.evaluation.formats.search import is_measurement
+from teleop.files import FAULT_REPORT, unreadable
 from teleop.json_documents import loads
 from teleop.recording.recording import stated_settings
+from teleop.studies.factors import Factors
 from teleop.studies.series.journal import NAME as JOURNAL
 from teleop.studies.series.journal import RECORDINGS, Journal
 from teleop.studies.series.plan import Plan
 from teleop.studies.series.table import NAME
 from teleop.studies.series.trials import cells
+
+NO_LEVELS = "not stated by --factors"
+"""Problem of a file whose levels neither the pattern nor the table states."""
+NO_MEASUREMENT = "no measurement file"
+"""Problem of a file in a folder that is not taken for a measurement."""
 
 
 @dataclass(frozen=True)
@@ -33,42 +42,107 @@ class ComparedFile:
     path: Path
     """The file."""
     levels: dict[str, str] = field(default_factory=dict)
-    """Level of each factor of the series to which the file belongs, by the name of the factor. If
-    the file belongs to no series, the dictionary is empty."""
+    """Level of each factor that its series, the pattern of file names or the table of factors
+    states, by the name of the factor."""
 
 
-def sources(paths: Iterable[Path]) -> list[ComparedFile]:
-    """Return the files that are to be compared."""
+@dataclass(frozen=True)
+class Sources:
+    """The files that are to be compared, and the files that are not."""
+
+    files: list[ComparedFile]
+    """The files to compare."""
+    left_out: list[tuple[str, str]]
+    """Name of each file that is not compared, and the problem."""
+
+    @property
+    def measurements(self) -> list[Path]:
+        """All measurement files, also those that are not compared."""
+        unstated = [Path(file) for file, problem in self.left_out if problem == NO_LEVELS]
+        return [*(file.path for file in self.files), *unstated]
+
+
+def sources(paths: Iterable[Path], factors: Factors | None = None) -> Sources:
+    """Return the files that are to be compared.
+
+    Folders are searched for measurement files. `factors` states the levels of the files; a file
+    whose levels it does not state is not compared.
+    """
+    not_searched = {os.path.realpath(path) for path in (factors.files if factors else ())}
     found: dict[str, ComparedFile] = {}
+    left_out: list[tuple[str, str]] = []
     for path in paths:
-        for source in of_folder(path) if path.is_dir() else [of_file(path)]:
-            name = str(source.path.resolve())
+        is_folder = path.is_dir() and not is_measurement(path)
+        for source in of_folder(path, not_searched, left_out) if is_folder else [of_file(path)]:
+            name = os.path.realpath(source.path)
             if name in found:
                 raise InputError(f"{source.path} is named twice: expected different recordings")
+            if factors:
+                place = None
+                if is_folder:
+                    place = PurePosixPath(source.path.relative_to(path).as_posix())
+                levels = factors.levels(source.path, place)
+                if levels is None:
+                    left_out.append((str(source.path), NO_LEVELS))
+                    continue
+                source = ComparedFile(source.path, source.levels | levels)
             found[name] = source
-    return [*found.values()]
+    if factors:
+        if not found:
+            unstated = [file for file, problem in left_out if problem != NO_MEASUREMENT]
+            raise InputError(
+                f"--factors {factors.name}: states the factors of none of the {len(unstated)} "
+                f"measurement files, such as {unstated[0]}"
+            )
+        left_out += factors.check_used(source.path for source in found.values())
+    return Sources([*found.values()], left_out)
 
 
-def of_folder(folder: Path) -> list[ComparedFile]:
-    """Return the recordings in a folder; of a series, only those of trials that are done."""
+def of_folder(
+    folder: Path, ignored: Container[str], left_out: list[tuple[str, str]]
+) -> list[ComparedFile]:
+    """Return the measurement files in a folder and its subfolders.
+
+    Of a series, these are only the recordings of trials that are done. Hidden files and folders are
+    not searched. Other files are added to `left_out`.
+    """
+    found = searched(folder, ignored, left_out)
+    if not found:
+        raise InputError(f"{folder}: contains neither a series nor measurement files")
+    return found
+
+
+def searched(
+    folder: Path, ignored: Container[str], left_out: list[tuple[str, str]]
+) -> list[ComparedFile]:
+    """Return the measurement files in a folder and its subfolders, which may be none."""
     series = trials(folder)
     if series:
         return [ComparedFile(folder / RECORDINGS / file, levels) for file, levels in series.items()]
     if (folder / JOURNAL).exists():
         raise InputError(f"{folder}: no trial of this series is done")
+    found = []
     try:
-        inside = folder / RECORDINGS
-        files = sorted(
-            path
-            for place in (folder, *([inside] if inside.is_dir() else []))
-            for path in place.iterdir()
-            if path.suffix.lower() == RECORDING
-        )
+        inside = sorted(folder.iterdir(), key=in_numerical_order)
     except OSError as error:
         raise unreadable(folder, error) from error
-    if not files:
-        raise InputError(f"{folder}: contains neither a series nor recordings (*{RECORDING})")
-    return [of_file(path) for path in files]
+    for path in inside:
+        if path.name.startswith(".") or os.path.realpath(path) in ignored:
+            continue
+        if is_measurement(path):
+            found.append(of_file(path))
+        elif path.is_dir():
+            if path.suffix != FAULT_REPORT and not path.is_symlink():
+                found += searched(path, ignored, left_out)
+        else:
+            left_out.append((str(path), NO_MEASUREMENT))
+    return found
+
+
+def in_numerical_order(path: Path) -> list[tuple[int, str]]:
+    """Return the key that sorts files by their names, with numbers by their values."""
+    parts = re.split(r"(\d+)", path.name)
+    return [(int(part) if part.isdecimal() else 0, part) for part in parts]
 
 
 def of_file(path: Path) -> ComparedFile:
@@ -150,28 +224,40 @@ def factors_of(row: dict[str, str]) -> Iterator[tuple[str, str]]:
     yield "repetition", row["repetition"]
 
 
-def known_factors(source: ComparedFile, settings: Mapping[str, Any]) -> dict[str, str]:
+def known_factors(source: ComparedFile, of_settings: Mapping[str, str]) -> dict[str, str]:
     """Return the levels of all factors by which a file can be grouped.
 
-    These are its name and folder, the settings that are texts or numbers, and those of its series.
+    These are its name and folder, those of its settings, and those that are stated for the file.
     """
-    found = {"file": source.path.name, "folder": source.path.absolute().parent.name}
+    folder = source.path.absolute().parent.name
+    return {"file": source.path.name, "folder": folder, **of_settings, **source.levels}
+
+
+def setting_levels(settings: Mapping[str, Any]) -> dict[str, str]:
+    """Return the settings of a recording that are texts or numbers, as levels of factors."""
+    found = {}
     for name, value in stated_settings(settings).items():
         if isinstance(value, float):
             found[name] = f"{value:g}"
         elif isinstance(value, str | int) and value != "":
             found[name] = str(value)
-    return found | source.levels
+    return found
 
 
-def usual_factors(found: Iterable[ComparedFile]) -> list[str]:
-    """Return the factors of a series with several levels; files are grouped by them."""
-    levels: dict[str, set[str]] = {}
-    for source in found:
-        for name, level in source.levels.items():
-            levels.setdefault(name, set()).add(level)
+def usual_factors(found: Iterable[ComparedFile], rows: Sequence[Compared]) -> list[str]:
+    """Return the factors with several levels by which files are grouped, if nothing is stated.
+
+    They are the factors of a series, a pattern or a table, and those that name the palpated body.
+    """
+    stated = dict.fromkeys(name for source in found for name in source.levels)
     return [
         name
-        for name, distinct in levels.items()
-        if name not in (SUBJECT, "repetition") and len(distinct) > 1
+        for name in (stated | dict.fromkeys(BODY))
+        if name not in (SUBJECT, *REPETITIONS) and len({row.factors.get(name) for row in rows}) > 1
     ]
+
+
+def stated_factors(found: Iterable[ComparedFile]) -> list[str]:
+    """Return the factors that say how the files differ, except the number of the repetition."""
+    stated = dict.fromkeys(name for source in found for name in source.levels)
+    return [name for name in (stated | dict.fromkeys(BODY)) if name not in REPETITIONS]

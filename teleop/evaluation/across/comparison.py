@@ -25,6 +25,10 @@ OF_RESULT = ("k", "b")
 NEVER_UPDATED = "the estimator was never updated: no contact or no motion"
 SUBJECT = "subject"
 """Name of the random factor. Its levels are persons or specimens, as a sample of all of them."""
+BODY = ("specimen", "cube")
+"""Names of the factors that name the palpated body."""
+REPETITIONS = ("repetition", "n", "rep", "repeat", "replicate", "trial")
+"""Names of the factor that numbers the repetitions."""
 
 
 @dataclass(frozen=True)
@@ -113,19 +117,21 @@ def check_factors(rows: Sequence[Compared], by: Sequence[str]) -> None:
             raise InputError(f"factor {name!r}: expected one of {', '.join(known)}")
 
 
-def tidy_rows(rows: Iterable[Compared], factors: Sequence[str]) -> list[dict[str, Any]]:
-    """Return the rows of a table with one row for each recording and method.
+def tidy_rows(
+    rows: Iterable[Compared], factors: Sequence[str], of_estimators: bool = False
+) -> list[dict[str, Any]]:
+    """Return the rows of a table with one row for each recording.
 
-    A method is the batch evaluation, with the name `RESULT`, or an online estimator. The row of the
-    batch evaluation contains k and b with their 95 % intervals. The row of an estimator contains
-    the averages of its estimates over the record.
+    The row contains k and b of the batch evaluation, with their 95 % intervals. With
+    `of_estimators`, there is instead one row for each recording and online estimator, which
+    contains the averages of its estimates over the record.
     """
     found = []
     for row in rows:
         start = {"file": row.file, **dict(zip(factors, row.levels(factors), strict=True))}
         tracking = {text: getattr(row.tracking, key, None) for key, text in COLUMNS.items()}
         r = row.result
-        for method in (RESULT, *row.estimates):
+        for method in row.estimates if of_estimators else (RESULT,):
             values = values_of(row, method)
             batch = method == RESULT
             cells: dict[str, Any] = {"method": method}
@@ -147,6 +153,7 @@ def tidy_rows(rows: Iterable[Compared], factors: Sequence[str]) -> list[dict[str
                 for end in ("low", "high") if symbol != "e_f" else ():
                     value = getattr(r, f"{symbol}_{end}") if batch and symbol in values else None
                     cells[f"{symbol} {end} [{quantity.si}]"] = value
+            cells["b cannot be used because"] = r.b_reason if batch else None
             reasons = r.reasons if batch else () if values else (NEVER_UPDATED,)
             found.append({**start, **cells, "reasons": "; ".join(reasons), **tracking})
     return found

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 
 from estimation.quantities import RESULTS
 from teleop.evaluation.across.comparison import (
+    BODY,
     NEVER_UPDATED,
     NO_LEVEL,
     OF_RESULT,
@@ -73,10 +74,12 @@ class Group:
     """Means of gain, phase_deg, rms_m and frequency_hz (`mean_tracking`); empty without a
     target."""
     pooled: tuple[str, ...]
-    """Factors of the series, except the subject, that have several levels within this group."""
-    subjects: int
-    """Number of subjects, if there are two or more and some have several recordings in this group;
-    otherwise 0."""
+    """Stated factors, except the subject, that have several levels within this group."""
+    unnamed: bool
+    """Whether several recordings, of which no factor is stated, are averaged without `levels`."""
+    unit: str | None
+    """Factor whose levels are averaged first, and count as independent in the interval of a mean
+    (`independent_unit`); None if each recording is independent."""
     holding: dict[str, tuple[float, float]]
     """Smallest and largest value of each quantity in `HOLDING`. A quantity that no result contains
     is left out."""
@@ -91,13 +94,17 @@ class Group:
 
 
 def grouped(
-    rows: Sequence[Compared], by: Sequence[str], planned: Mapping[str, Sequence[str]]
+    rows: Sequence[Compared],
+    by: Sequence[str],
+    planned: Mapping[str, Sequence[str]],
+    stated: Sequence[str] = (),
 ) -> list[Group]:
     """Divide recordings into groups with the same levels of factors, and sort the groups.
 
     A factor is a property in which recordings differ, for example `condition`. Its level is the
     value for one recording, for example `mimic`. The groups are sorted by the levels of the first
-    factor, then by those of the second factor, and so on (see `ranks_of`).
+    factor, then by those of the second factor, and so on (see `ranks_of`). `stated` are all factors
+    that say how the recordings differ, besides those of the plan of a series (`planned`).
     """
     members: dict[tuple[str, ...], list[Compared]] = {}
     for row in rows:
@@ -110,16 +117,18 @@ def grouped(
         members,
         key=lambda levels: [rank[level] for rank, level in zip(ranks, levels, strict=True)],
     )
-    return [group_of(levels, members[levels], planned) for levels in ordered]
+    names = dict.fromkeys([*planned, *stated])
+    return [group_of(levels, members[levels], names) for levels in ordered]
 
 
 def group_of(
-    levels: tuple[str, ...], rows: Sequence[Compared], planned: Iterable[str] = ()
+    levels: tuple[str, ...], rows: Sequence[Compared], stated: Iterable[str] = ()
 ) -> Group:
     """Return the mean results and estimates of the recordings of one group, see `Group`.
 
-    `planned` are all factors of the series of trials.
+    `stated` are all factors that say how the recordings differ.
     """
+    names = {*stated, *BODY}
     missing: dict[str, dict[str, str]] = {}
     for row in rows:
         if not row.result.identifiable:
@@ -127,24 +136,29 @@ def group_of(
         for name, one in row.estimates.items():
             if not math.isfinite(one.k):
                 missing.setdefault(name, {})[row.file] = NEVER_UPDATED
-    tracked = [row.tracking for row in rows if row.tracking]
+    tracked = [(row, row.tracking) for row in rows if row.tracking]
     results = [row.result for row in rows if row.result.identifiable]
-    subjects = Counter(row.factors[SUBJECT] for row in rows if SUBJECT in row.factors)
-    repeated = len(subjects) > 1 and max(subjects.values()) > 1
+    unit = independent_unit(rows)
     pooled = tuple(
         name
-        for name in planned
+        for name in stated
         if name != SUBJECT and len({row.factors.get(name) for row in rows}) > 1
     )
     means: dict[str, dict[str, Mean]] = {}
     kinds: dict[str, dict[str, dict[str, int]]] = {}
     for method in dict.fromkeys([RESULT, *(name for row in rows for name in row.estimates)]):
-        found = [values_of(row, method) for row in rows]
+        found = [(row.factors.get(unit or ""), values_of(row, method)) for row in rows]
         symbols = OF_RESULT if method == RESULT else RESULTS
-        values = {symbol: [one[symbol] for one in found if symbol in one] for symbol in symbols}
-        means[method] = {symbol: mean_of(each) for symbol, each in values.items()}
+        values = {
+            symbol: [(level, one[symbol]) for level, one in found if symbol in one]
+            for symbol in symbols
+        }
+        means[method] = {
+            symbol: mean_of([one for _, one in each], [str(level) for level, _ in each if level])
+            for symbol, each in values.items()
+        }
         kinds[method] = {
-            symbol: dict(sorted(Counter(one.kind for one in each).items(), reverse=True))
+            symbol: dict(sorted(Counter(one.kind for _, one in each).items(), reverse=True))
             for symbol, each in values.items()
         }
     return Group(
@@ -152,15 +166,31 @@ def group_of(
         means,
         kinds,
         missing,
-        mean_tracking(tracked),
+        mean_tracking(
+            [tracking for _, tracking in tracked], [row.factors[unit] for row, _ in tracked if unit]
+        ),
         pooled,
-        len(subjects) if repeated else 0,
+        not levels and len(rows) > 1 and any(row.factors.keys().isdisjoint(names) for row in rows),
+        unit,
         ranges(results),
         tuple(sorted({one.depth_from for one in results})),
         tuple(sorted({row.force_lag for row in rows})),
         tuple(sorted({row.lost_motion for row in rows})),
         remark_counts(results),
     )
+
+
+def independent_unit(rows: Sequence[Compared], by: Sequence[str] = ()) -> str | None:
+    """Return the factor whose levels are independent of each other, unlike the recordings of one.
+
+    It is the subject or the palpated body, if several of them have repeated recordings. It is none
+    of the factors `by`.
+    """
+    for name in (SUBJECT, *BODY):
+        levels = [row.factors.get(name) for row in rows]
+        if name not in by and None not in levels and 1 < len(set(levels)) < len(levels):
+            return name
+    return None
 
 
 def ranges(results: Sequence[StiffnessResult]) -> dict[str, tuple[float, float]]:

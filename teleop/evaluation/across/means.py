@@ -39,16 +39,20 @@ class Mean(NamedTuple):
     """Number of recordings whose values are averaged; 0 if `value` is NaN."""
 
 
-def mean_of(values: Sequence[Value]) -> Mean:
+def mean_of(values: Sequence[Value], units: Sequence[str] = ()) -> Mean:
     """Return the mean of a quantity over recordings, with its 95 % interval.
+
+    `units` names, for each value, what is independent of the other units, for example the subject.
+    The values of each unit are averaged first, and the mean and its interval are those of the
+    averages. Without `units`, each recording is independent.
 
     The mean is NaN if there are no values, or if the values are of different kinds, for example
     tangent and average stiffness (`Value.kind`). The half width of the interval is
     sqrt(s^2 + m^2), with two parts s and m:
 
-    - s is computed from the standard deviation between the recordings and Student's t. It is used
-      if there are two or more recordings. It does not include an error that is equal in all
-      recordings, for example because the model is wrong.
+    - s is computed from the standard deviation between the recordings, or between the averages of
+      the units, and Student's t. It is used if there are two or more of these. It does not include
+      an error that is equal in all recordings, for example because the model is wrong.
     - m is the mean of the half widths of the intervals of the recordings. It is used if every
       recording has an interval. It includes errors that are equal in all recordings.
 
@@ -57,22 +61,26 @@ def mean_of(values: Sequence[Value]) -> Mean:
     """
     if len({one.kind for one in values}) != 1:
         return Mean(math.nan, math.nan, 0)
-    numbers = np.array([one.value for one in values])
+    members: dict[str, list[float]] = {}
+    names = units or [str(number) for number in range(len(values))]
+    for unit, one in zip(names, values, strict=True):
+        members.setdefault(unit, []).append(one.value)
+    numbers = np.array([np.mean(each) for each in members.values()])
     parts = [float(np.mean([one.half for one in values]))]
     if numbers.size > 1:
         spread = float(np.std(numbers, ddof=1)) / math.sqrt(numbers.size)
         parts.append(float(stdtrit(numbers.size - 1, 0.975)) * spread)
     known = [part for part in parts if math.isfinite(part)]
     half = math.hypot(*known) if known else math.nan
-    return Mean(float(np.mean(numbers)), half, numbers.size)
+    return Mean(float(np.mean(numbers)), half, len(values))
 
 
-def mean_tracking(tracked: Sequence[Tracking]) -> dict[str, Mean]:
+def mean_tracking(tracked: Sequence[Tracking], units: Sequence[str] = ()) -> dict[str, Mean]:
     """Return the means of the tracking values over recordings, with 95 % intervals.
 
     The tracking values describe how well the motion follows a sinusoidal target (`Tracking`). The
     keys of the result are `gain`, `phase_deg`, `rms_m` and `frequency_hz`. The result is empty if
-    `tracked` is empty.
+    `tracked` is empty. `units` are those of `mean_of`.
 
     The mean of the phase is a circular mean: the direction of the sum of unit vectors that have the
     phases as directions. If an interval contains impossible values, its half width is replaced by
@@ -85,12 +93,12 @@ def mean_tracking(tracked: Sequence[Tracking]) -> dict[str, Mean]:
         return {}
     found = {}
     for name in ("gain", "rms_m", "frequency_hz"):
-        mean = mean_of([Value(getattr(one, name), math.nan, "") for one in tracked])
+        mean = mean_of([Value(getattr(one, name), math.nan, "") for one in tracked], units)
         found[name] = mean if mean.half <= mean.value else mean._replace(half=math.nan)
     phases = np.array([one.phase_deg for one in tracked])
     centre = math.degrees(np.angle(np.mean(np.exp(1j * np.radians(phases)))))
     near = centre + (phases - centre + TURN / 2.0) % TURN - TURN / 2.0
-    mean = mean_of([Value(float(phase), math.nan, "") for phase in near])
+    mean = mean_of([Value(float(phase), math.nan, "") for phase in near], units)
     value = (centre / TURN - LARGEST_LEAD) % -1.0 + LARGEST_LEAD
     half = mean.half if mean.half < TURN / 2.0 else math.nan
     return {**found, "phase_deg": Mean(TURN * value, half, len(tracked))}

@@ -32,6 +32,8 @@ PART = 1 << 20
 """Number of characters that are read in one call."""
 PREAMBLE = 1000
 """Largest number of lines above a header that are searched for a description of a force filter."""
+METADATA = "-metadata.json"
+"""End of the name of the metadata file that `teleop export` writes next to a CSV file."""
 FEWEST = 3
 """Smallest number of samples in a table without the wanted columns. Smaller ones are ignored."""
 
@@ -70,7 +72,7 @@ def read(path: Path, pick: Pick, wanted: Wanted) -> list[Table]:
 
 def exported_metadata(path: Path) -> dict[str, str]:
     """Read the metadata file that `teleop export` writes next to a CSV file."""
-    beside = path.with_name(f"{path.name}-metadata.json")
+    beside = path.with_name(f"{path.name}{METADATA}")
     try:
         notes = loads(read_input(beside)).get("notes")
     except FileNotFoundError:

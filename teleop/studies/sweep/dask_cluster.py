@@ -11,16 +11,11 @@ from functools import partial
 from typing import Any
 
 from teleop.errors import InputError
-from teleop.studies.sweep.executors import (
-    AHEAD,
-    Execute,
-    alone,
-    chunks_of,
-    processors,
-)
+from teleop.studies.sweep.executors import Execute, chunks_of, lost
 from teleop.studies.sweep.origin import versions
 from teleop.studies.sweep.points import Point
 from teleop.studies.sweep.tasks import Computed, Task, computed
+from teleop.studies.workers import AHEAD, alone, processors
 
 LOCAL = "local"
 """Address with which a new cluster is started on this machine."""
@@ -73,7 +68,7 @@ def on_dask(address: str, count: int | None = None) -> Execute:
                     submit()
                 for point in suspects:
                     run = partial(result_of, client, task, point)
-                    yield alone(point, run, distributed.KilledWorker)
+                    yield alone(run, distributed.KilledWorker) or lost(point)
             except (OSError, distributed.CancelledError) as error:
                 raise InputError(
                     f"the connection to the Dask scheduler {address} was lost: {error}; to "

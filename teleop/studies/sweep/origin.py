@@ -80,12 +80,18 @@ def plug_in(what: str) -> dict[str, Any]:
     if point is None:
         return {}
     known = {"version": package(point)}
+    digest = code_hash(point.module.partition(".")[0])
+    return {**known, "sha256": digest} if digest else known
+
+
+def code_hash(module: str) -> str:
+    """Return a hash of the code of a module or package; empty if the module is not found."""
     try:
-        spec = find_spec(point.module.partition(".")[0])
+        spec = find_spec(module)
     except (ImportError, ValueError):
         spec = None
     if spec is None:
-        return known
+        return ""
     folders = [Path(folder) for folder in spec.submodule_search_locations or ()]
     paths = [(path.relative_to(top), path) for top in folders for path in top.rglob("*")]
     if not folders and spec.origin:
@@ -93,8 +99,8 @@ def plug_in(what: str) -> dict[str, Any]:
     digest = hashlib.sha256()
     for place, path in sorted(paths):
         if path.suffix in CODE:
-            digest.update(f"{place.as_posix()}\n{file(path)}\n".encode())
-    return {**known, "sha256": digest.hexdigest()}
+            digest.update(f"{place.as_posix()}\n{untimed(file(path))}\n".encode())
+    return digest.hexdigest()
 
 
 def file(path: Path) -> dict[str, Any]:

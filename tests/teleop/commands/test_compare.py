@@ -84,14 +84,18 @@ def test_a_series_is_grouped_by_its_factors_and_has_an_analysis_of_variance(seri
     assert [group["levels"] for group in found["groups"]] == [["soft"], ["medium"]]
     for group in found["groups"]:
         levels = group["levels"][0]
-        k = [
-            one["estimates"]["rls"]["k"]
-            for one in found["recordings"]
-            if one["factors"]["cube"] == levels
-        ]
+        k = {
+            subject: [
+                one["estimates"]["rls"]["k"]
+                for one in found["recordings"]
+                if (one["factors"]["cube"], one["factors"]["subject"]) == (levels, subject)
+            ]
+            for subject in ("s1", "s2")
+        }
         mean, half, count = group["means"]["rls"]["k"]
-        assert (mean, count) == (pytest.approx(np.mean(k)), 4)
-        assert half == pytest.approx(3.1824 * np.std(k, ddof=1) / 2.0, rel=1e-3)
+        means = [np.mean(each) for each in k.values()]
+        assert (mean, count) == (pytest.approx(np.mean(means)), 4)
+        assert half == pytest.approx(12.7062 * np.std(means, ddof=1) / 2**0.5, rel=1e-3)
     assert {effect["source"] for effect in found["anova"]} >= {"cube", "estimator"}
     assert {effect["error_degrees"] for effect in found["anova"]} == {1}, "subjects are random"
 
@@ -121,7 +125,7 @@ def test_the_csv_table_of_a_series_has_all_its_factors_and_the_repetition(series
     table = tmp_path / "table.csv"
     assert main(["compare", str(series), "--by", "condition", "--out", str(table)]) == 0
     with table.open(newline="") as file:
-        rows = [row for row in csv.DictReader(file) if row["method"] == "result"]
+        rows = [*csv.DictReader(file)]
     factors = ["subject", "cube", "repetition", "condition"]
     assert [*rows[0]][: len(factors) + 1] == ["file", *factors]
     assert {tuple(row[name] for name in factors) for row in rows} == {
@@ -189,12 +193,8 @@ def test_a_row_states_from_where_the_depth_of_a_result_is_measured():
         for r in (one, other)
     ]
     cells = [(row["method"], row["depth from"]) for row in tidy_rows(rows, [])]
-    assert cells == [
-        ("result", "lowest position"),
-        ("rls", None),
-        ("result", "contact point"),
-        ("rls", None),
-    ]
+    assert cells == [("result", "lowest position"), ("result", "contact point")]
+    assert {row["depth from"] for row in tidy_rows(rows, [], of_estimators=True)} == {None}
 
 
 def test_values_of_models_with_further_parameters_are_of_another_kind():
@@ -213,7 +213,7 @@ def test_values_of_models_with_further_parameters_are_of_another_kind():
     assert "A lag of the force of 0 to 2.66 ms is compensated." in texts
     cells = dict(zip(table.headings, table.rows[1], strict=True))
     assert {*cells["kind of k"].split(", ")} == {"average", "average with k3"}
-    tidy = [row for row in tidy_rows(rows, []) if row["method"] == "rls"]
+    tidy = tidy_rows(rows, [], of_estimators=True)
     assert [row["kind of k"] for row in tidy] == ["average", "average with k3"]
     assert [row["compensated force lag [s]"] for row in tidy] == [2.66e-3, 0.0]
 
@@ -286,7 +286,7 @@ def test_damping_that_a_recording_does_not_determine_has_no_value_and_no_kind(ca
 
 
 def test_a_tidy_table_states_the_kind_of_damping_and_its_frequency():
-    rows = [row for row in tidy_rows(two_kinds_of_damping(), []) if row["method"] == "result"]
+    rows = tidy_rows(two_kinds_of_damping(), [])
     found = [(row["kind of b"], row["b at frequency [Hz]"]) for row in rows]
     assert found == 3 * [("k''/omega", 1.0)] + [("besides relaxation", None)]
 
@@ -360,7 +360,7 @@ def test_bad_options_are_refused(series, arguments, problem, capsys):
 
 def test_a_folder_without_recordings_and_a_file_named_twice_are_refused(series, tmp_path, capsys):
     assert main(["compare", str(tmp_path)]) == 2
-    assert "contains neither a series nor recordings (*.mcap)" in capsys.readouterr().err
+    assert "contains neither a series nor measurement files" in capsys.readouterr().err
     assert main(["compare", str(series), str(next((series / "recordings").iterdir()))]) == 2
     assert "is named twice" in capsys.readouterr().err
 
@@ -409,14 +409,17 @@ def test_a_table_is_written_as_csv_latex_and_markdown(series, tmp_path, capsys):
         assert main(["compare", *map(str, two), "--by", "cube", "--out", str(tmp_path / name)]) == 0
     with (tmp_path / "table.csv").open(newline="") as file:
         rows = [*csv.DictReader(file)]
-    assert [row["method"] for row in rows] == 2 * ["result", "rls", "me"]
-    averages = ["average", "average"]  # the second recording has no result
-    assert [row["kind of k"] for row in rows] == ["tangent", *averages, "", *averages]
-    assert [row["kind of b"] for row in rows] == ["k''/omega", *averages, "", *averages]
+    assert [row["method"] for row in rows] == ["result", "result"]
+    assert [row["kind of k"] for row in rows] == ["tangent", ""], "the second has no result"
+    assert [row["kind of b"] for row in rows] == ["k''/omega", ""]
+    with (tmp_path / "table-estimators.csv").open(newline="") as file:
+        estimates = [*csv.DictReader(file)]
+    assert [row["method"] for row in estimates] == 2 * ["rls", "me"]
+    assert {row["kind of k"] for row in estimates} == {"average"}
+    assert {row["k low [N/m]"] for row in estimates} == {""}
     assert float(rows[0]["at force [N]"]) > 0.0
     batch = rows[0]
     assert float(batch["k low [N/m]"]) < float(batch["k [N/m]"]) < float(batch["k high [N/m]"])
-    assert rows[1]["k low [N/m]"] == ""
     latex = (tmp_path / "table.tex").read_text()
     assert latex.count("\\midrule") == 2
     assert "e\\_f [N]" in latex
@@ -576,8 +579,8 @@ def test_a_table_names_the_reason_of_each_value_that_is_missing(
     assert dashes
 
 
-def test_repeats_of_several_subjects_that_are_pooled_are_remarked(series, tmp_path, capsys):
-    text = "Recordings of several subjects are pooled"
+def test_repeats_of_a_subject_are_averaged_first_and_this_is_stated(series, tmp_path, capsys):
+    text = "The recordings of the same subject are averaged first"
     table = tmp_path / "table.tex"
     assert main(["compare", str(series), "--out", str(table)]) == 0
     assert text in capsys.readouterr().out
@@ -643,9 +646,6 @@ def test_the_design_of_the_analysis_of_variance_is_stated_and_its_table_is_writt
 def test_a_mean_over_different_specimens_is_not_called_a_mean_over_repeats(series, capsys):
     assert main(["compare", str(series), "--by", "subject"]) == 0
     out = " ".join(capsys.readouterr().out.split())
-    assert "Recordings that differ in cube are pooled" in out
-    assert "independent" not in out
-    assert main(["compare", str(series), "--by", "condition"]) == 0
-    out = " ".join(capsys.readouterr().out.split())
-    assert "the interval counts the recordings of a subject as independent" in out
+    assert "(a) Recordings that differ in cube are pooled" in out
+    assert "4 (a)" in out, "the row of the group has the mark"
     assert "repeats" not in out

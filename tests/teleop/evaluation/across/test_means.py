@@ -33,6 +33,18 @@ def test_the_interval_of_similar_recordings_is_that_of_students_t():
     assert mean == pytest.approx((-62.0, half, 3), rel=1e-4)
 
 
+def test_repetitions_of_a_subject_are_one_observation():
+    gains = [1.0, 1.0, 1.0, 0.7, 0.8, 0.6]
+    alone = mean_tracking([tracked(gain=gain) for gain in gains])["gain"]
+    found = mean_tracking([tracked(gain=gain) for gain in gains], [*"aaabbc"])["gain"]
+    means = [1.0, 0.75, 0.6]
+    half = 4.3027 * np.std(means, ddof=1) / math.sqrt(3.0)
+    assert found == pytest.approx((np.mean(means), half, 6), rel=1e-4)
+    assert found.half > 2.0 * alone.half
+    values = [Value(gain, 0.2, "") for gain in gains]
+    assert mean_of(values, [*"aaabbc"]).half == pytest.approx(math.hypot(half, 0.2), rel=1e-4)
+
+
 @given(st.lists(st.floats(-30.0, 30.0), min_size=1, max_size=6), st.floats(-270.0, 90.0))
 def test_the_mean_phase_turns_with_the_phases(deviations, turn):
     def wrapped(phase):
