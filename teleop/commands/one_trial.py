@@ -123,7 +123,7 @@ class TrialRunner:
                     if record:
                         record.unlink(missing_ok=True)
                     return 0
-            problems = [trial.incomplete] if trial.incomplete else []
+            problems = [text for text in (trial.ending, trial.incomplete) if text]
             self._draw(trial, problems)
             self._print(trial, problems)
         if trial.fault:

@@ -16,8 +16,8 @@ reference q,
 where k is the stiffness that the slave has felt. The loop gain of (2) is w k_true / (k s). With a
 total lag T of the loop (in a hold with that of an average), w is 1 / (4 T): if the true stiffness
 is twice the felt one, the phase margin is 61 degrees, and the gain margin is pi. (A loop gain c / s
-with a delay T has the phase margin pi / 2 - c T, and oscillates from c T = pi / 2 on.) While the
-reference of the force changes, the lost motion is crossed with the rate g.
+with a delay T has the phase margin pi / 2 - c T, and oscillates from c T = pi / 2 on.) When the
+force has to change its direction, most of the lost motion is crossed with the rate g.
 """
 
 from __future__ import annotations
@@ -32,13 +32,15 @@ from drivers import Measurement
 from estimation.filters import Play
 from teleop.control.admittance import AdmittanceParameters
 from teleop.control.conditions import Condition, IntendedMotion
-from teleop.control.phases import AnyPhase, Reference, Stay, Step
+from teleop.control.phases import AnyPhase, Reference, Seek, Stay, Step
 from teleop.control.tip_position import TipPosition
 
 FOLLOWING = 30.0
 """Rate g with which an error of the position decays [1/s]."""
 CROSSING = 150.0
 """Angular frequency of the filter with which the lost motion is crossed [rad/s]."""
+CROSSED = 0.8
+"""Part of the lost motion that is crossed at once when the force has to change its direction."""
 LAG = 0.02
 """Longest lag of the contact force and of the drive with which the force is controlled [s]."""
 STIFF = 50e3
@@ -48,6 +50,8 @@ MEMORY = 0.3
 LEAST_TRAVEL = 5e-6
 """Standard deviation of the position from which on the stiffness is computed [m]; at least three
 steps of the encoder."""
+IN_CONTACT = 25.0
+"""Variance of the force, relative to that of its noise, from which on the slave is in contact."""
 AVERAGING = 0.05
 """Time constant of the average of the force with which the force is held [s]."""
 HELD = 0.01
@@ -142,9 +146,9 @@ class Protocol(Condition):
         self.finished, self.ending = False, ""
 
     def motion_texts(self, motion: IntendedMotion) -> dict[str, str]:
-        """Return the name of the protocol, and its steps."""
-        steps = "; ".join(step.text for step in self.settings.steps)
-        return super().motion_texts(motion) | {"protocol": self.settings.name, "steps": steps}
+        """Return the name of the protocol, and the number of its steps."""
+        count = len(self.settings.steps)
+        return super().motion_texts(motion) | {"protocol": f"{self.settings.name}, {count} steps"}
 
     def drive_force(self, t: float, measurement: Measurement) -> float:
         """Return the force [N] with which the slave performs the present step."""
@@ -177,27 +181,31 @@ class Protocol(Condition):
             lag = LAG + 2.0 * dt
             error = value - self._felt.force
             if isinstance(step, Stay) and abs(error) < HELD * value:  # less noise
-                velocity = error / (4.0 * (lag + AVERAGING))
+                velocity = error / (4.0 * (lag + AVERAGING)) / self._felt.stiffness
             else:
-                velocity = rate + (value - f) / (4.0 * lag)
-            velocity /= self._felt.stiffness
-            if rate:
-                velocity += FOLLOWING * (math.copysign(self._lost, rate) - (x - played))
+                velocity = (rate + (value - f) / (4.0 * lag)) / self._felt.stiffness
+                # nearly to the other side of the lost motion, whose width is not known exactly
+                side = math.copysign(CROSSED * self._lost, rate or error)
+                if (x - played - side) * side < 0.0:
+                    velocity += FOLLOWING * (side - (x - played))
             if self._crossings.update(t, f, value):
                 self._end("the control of the contact force oscillates")
         return self._mass.force(velocity / self._scale, dt)
 
     def _over(self, step: Step, t: float, tip: float, f: float) -> bool:
         """Return whether a step has ended; end the protocol if an approach found no contact."""
-        elapsed = t - self._begin
-        if step.kind == "approach":
-            if f >= step.force:  # type: ignore[attr-defined]
-                self._zero = tip
-                return True
-            if elapsed >= step.duration(self._start):
-                self._end(f"no contact until {1e3 * tip:.3g} mm")
-            return False
-        return elapsed >= step.duration(self._start)
+        late = t - self._begin >= step.duration(self._start)
+        if not isinstance(step, Seek):
+            return late
+        if f >= step.force:
+            self._zero = tip
+            return True
+        if late:
+            self._end(
+                f"approach: the contact force has not reached {step.force:g} N at "
+                f"{1e3 * tip:.3g} mm"
+            )
+        return False
 
     def _next(self, t: float, tip: float, f: float) -> None:
         """Begin the next step, from the last reference if the controlled quantity is the same."""
@@ -274,12 +282,16 @@ class Offset:
 
 
 class FeltStiffness:
-    """Stiffness that the slave feels: the slope of the contact force over the recent positions.
+    """Stiffness that the slave feels: the recent change of the force, by that of the position.
+
+    It is the ratio of the two standard deviations. Unlike the slope of a regression, it does not
+    become smaller if the force has a lag, or noise: too small a stiffness would make the control of
+    the force unstable. It increases at once, and decreases slowly.
 
     Parameters
     ----------
     least_travel
-        Standard deviation of the positions from which on the slope is used [m].
+        Standard deviation of the positions from which on the ratio is used [m].
     """
 
     def __init__(self, least_travel: float) -> None:
@@ -288,25 +300,29 @@ class FeltStiffness:
         """Stiffness [N/m]; `STIFF` before the slave has moved in contact."""
         self.force = 0.0
         """Average of the contact force [N]."""
+        self._is_felt = False
         self._x = math.nan
-        self._f = self._xx = self._xf = 0.0
+        self._f = self._xx = self._ff = self._last = self._noise = 0.0
 
     def update(self, x: float, f: float, dt: float) -> None:
         """Process a sample: position [m] and contact force [N], and the time since the last [s]."""
         if math.isnan(self._x):
-            self._x, self._f, self.force = x, f, f
+            self._x, self._f, self._last, self.force = x, f, f, f
             return
         self.force += (f - self.force) * min(dt / AVERAGING, 1.0)
         share = min(dt / MEMORY, 1.0)
-        dx, df = x - self._x, f - self._f
+        dx, df, change = x - self._x, f - self._f, f - self._last
         self._x += share * dx
         self._f += share * df
+        self._last = f
         self._xx += share * ((1.0 - share) * dx * dx - self._xx)
-        self._xf += share * ((1.0 - share) * dx * df - self._xf)
-        if self._xx > self._least and self._xf > 0.0:
-            slope = self._xf / self._xx
-            if slope > 0.02 * self.stiffness:  # not out of contact
-                self.stiffness = slope
+        self._ff += share * ((1.0 - share) * df * df - self._ff)
+        self._noise += share * (0.5 * change * change - self._noise)
+        if self._xx > self._least and self._ff > IN_CONTACT * self._noise:
+            found = math.sqrt(self._ff / self._xx)
+            slower = share if self._is_felt and found < self.stiffness else 1.0
+            self.stiffness += slower * (found - self.stiffness)
+            self._is_felt = True
 
 
 class Crossings:

@@ -184,9 +184,14 @@ def from_messages(
 
 
 def stated_settings(settings: Mapping[str, Any]) -> dict[str, Any]:
-    """Return recorded settings whose condition is the class of the user, if there was one."""
-    custom = settings.get("custom_condition")
-    return {**settings, **({"condition": custom["name"]} if custom else {})}
+    """Return recorded settings whose condition is that of the trial.
+
+    It is the class of the user, or the protocol, if there was one.
+    """
+    custom, protocol = settings.get("custom_condition"), settings.get("protocol")
+    if custom or protocol:
+        return {**settings, "condition": custom["name"] if custom else "protocol"}
+    return dict(settings)
 
 
 def gaps_of(columns: dict[str, Floats], total_dropped: int = 0) -> tuple[Gap, ...]:

@@ -118,14 +118,14 @@ def recorded_tracking(recording: Recording) -> Tracking | None:
 def recorded_steps(recording: Recording, path: Path | None) -> list[dict[str, Any]]:
     """Return the results of the steps of a recorded protocol; empty for another trial.
 
-    The columns that `recording` lacks are read from its file `path`.
+    All samples are read from the file `path`, because `recording` may have some of them only.
     """
     settings = trial_settings(recording)
     if not (settings and settings.protocol):
         return []
     from teleop.evaluation.protocol.steps import StepPart, step_results  # imports scipy
 
-    if path and not recording.columns.keys() >= set(OF_STEPS):
+    if path:
         recording = load(path, OF_STEPS.__contains__)
     steps = [
         StepPart(

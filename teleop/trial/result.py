@@ -63,6 +63,8 @@ class Trial(Presented):
     """Folder with the ticks before and after a fault (black box); None if none was written."""
     black_box_problem: str = ""
     """Reason why the black box could not be written; empty if there was no such problem."""
+    ending: str = ""
+    """Reason why the condition ended the trial before its purpose was reached; empty if it was."""
 
     @property
     def stop_text(self) -> str:
@@ -343,6 +345,7 @@ class Trial(Presented):
             "pairs": found.pairs,
             "rejected": self.rejected,
             "interrupted": self.interrupted,
+            "ending": self.ending or None,
             "tracking": self.tracking(),
             "feedback": self.feedback(),
             "estimates": found.estimates(self.shown.recording)

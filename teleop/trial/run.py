@@ -160,6 +160,7 @@ def run_trial(
         rejected,
         outputs.black_box,
         outputs.black_box_problem,
+        loop.controller.ending,
     )
 
 

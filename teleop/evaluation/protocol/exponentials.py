@@ -21,7 +21,7 @@ problems whose variables separate", SIAM J. Numerical Analysis 10(2), 1973.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
@@ -40,6 +40,8 @@ LEAST_BIC = 10.0
 """Decrease of the Bayesian information criterion that another exponential needs."""
 GRID = 9
 """Number of time constants from which the search starts."""
+LONGER = "a time constant is not determined: expected a longer hold"
+"""Reason if the hold is too short."""
 LONGEST = 0.6
 """Longest time constant that is determined, relative to the duration of the hold: a slower part of
 the curve cannot be distinguished from a value that has not been reached."""
@@ -117,6 +119,11 @@ class Held:
         columns, y = self.design(log_tau), self.y[self.rows]
         sizes = np.maximum(np.abs(columns).max(axis=0), 1e-300)
         coefficients = np.linalg.lstsq(columns / sizes, y, rcond=None)[0] / sizes
+        if coefficients[1] < 0.0:  # no body has a negative stiffness: a drift of u is another cause
+            used = np.arange(columns.shape[1]) != 1
+            coefficients[1] = 0.0
+            part = columns[:, used] / sizes[used]
+            coefficients[used] = np.linalg.lstsq(part, y, rcond=None)[0] / sizes[used]
         residual = y - columns @ coefficients
         return Fit(log_tau, coefficients, residual, effective_samples(residual))
 
@@ -158,14 +165,19 @@ def fit_decay(t: Floats, u: Floats, y: Floats, settling: float) -> Decay:
     whole = len(t) // size * size
     t, u, y = (values[:whole].reshape(-1, size).mean(axis=1) for values in (t, u, y))
     held = Held(t, u, y, slice(int(np.searchsorted(t, settling)), None))
-    best = held.fitted(np.empty(0))
+    best, unresolved = held.fitted(np.empty(0)), False
     for count in range(1, MOST + 1):
         found = best_fit(held, count)
         if found is None or found.bic > best.bic - LEAST_BIC:
             continue
-        if all(abs(one.amplitude) > one.amplitude_half for one in decay_of(held, found).parts):
+        parts = decay_of(held, found).parts
+        unresolved = not all(abs(one.amplitude) > one.amplitude_half for one in parts)
+        if not unresolved:
             best = found
-    return decay_of(held, best)
+    decay = decay_of(held, best)
+    if unresolved and decay.parts:
+        return replace(decay, reason=LONGER)
+    return decay
 
 
 def best_fit(held: Held, count: int) -> Fit | None:
@@ -231,7 +243,7 @@ def decay_of(held: Held, fit: Fit) -> Decay:
     if not parts:
         reason = "the signal does not change beyond its noise"
     elif spreads.max() > LARGEST_ERROR or parts[-1].high > LONGEST * held.duration:
-        reason = "a time constant is not determined: expected a longer hold"
+        reason = LONGER
     last = held.u[held.rows].mean() - held.u.mean()
     end = float(fit.coefficients[0] + fit.coefficients[1] * last)
     start = end + float(amplitudes.sum())
