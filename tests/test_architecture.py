@@ -88,11 +88,12 @@ FLAT = {
     "names",
     "software",
     "printable",
+    "rig_session",
     "testing",
     "vibration",
 }
 """Modules of `teleop` outside the rooms."""
-OUTERMOST = {"teleop.cli", "teleop.__main__", "teleop.testing"}
+OUTERMOST = {"teleop.cli", "teleop.__main__", "teleop.rig_session", "teleop.testing"}
 """Modules that may import from every room, and that no other module imports."""
 POSIX_ONLY = {"fcntl", "termios", "pty", "resource", "grp", "pwd", "posix", "syslog", "tty"}
 

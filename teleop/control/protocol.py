@@ -23,10 +23,10 @@ force has to change its direction, most of the lost motion is crossed with the r
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Annotated
 
-from pydantic import Discriminator
+from pydantic import ConfigDict, Discriminator
+from pydantic.dataclasses import dataclass
 
 from drivers import Measurement
 from estimation.filters import Play
@@ -66,7 +66,7 @@ CROSSING_SIZE = 0.15
 """Deviation from the reference force that counts as a crossing, relative to it."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, config=ConfigDict(extra="forbid"))
 class ProtocolSettings:
     """A protocol: a list of phases that the slave performs.
 

@@ -5,10 +5,8 @@ from __future__ import annotations
 from functools import cache
 from importlib.resources import as_file, files
 from pathlib import Path
-from typing import Any
 
-from pydantic import ConfigDict, TypeAdapter, ValidationError
-from pydantic.dataclasses import dataclass
+from pydantic import TypeAdapter, ValidationError
 
 from teleop.control.protocol import ProtocolSettings
 from teleop.errors import InputError, invalid_lines
@@ -27,8 +25,7 @@ def included() -> list[str]:
 @cache
 def adapter() -> TypeAdapter[ProtocolSettings]:
     """Return the pydantic object that checks a protocol, which refuses unknown keys."""
-    checked: Any = dataclass(ProtocolSettings, frozen=True, config=ConfigDict(extra="forbid"))
-    return TypeAdapter(checked)
+    return TypeAdapter(ProtocolSettings)
 
 
 def protocol_of(value: object, folder: Path) -> ProtocolSettings:

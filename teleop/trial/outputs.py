@@ -39,6 +39,7 @@ class Outputs:
         overwrite: bool,
         show: bool,
         live: LiveLink | None,
+        further: Sequence[Sink] = (),
     ) -> None:
         self._record = record
         self._layout = layout
@@ -63,7 +64,7 @@ class Outputs:
         self._box = BlackBox(layout, settings.loop_rate)
         # the recorder first: `close` reads its outcome
         self._sinks: list[Sink] = [
-            sink for sink in (self._recorder, self._memory, self._box, live) if sink
+            sink for sink in (self._recorder, self._memory, self._box, live, *further) if sink
         ]
         self.later: LaterEstimates | None = None
         """Computes the estimates after the ticks; None if they are computed within each tick."""

@@ -139,7 +139,8 @@ def recorded_steps(recording: Recording, path: Path | None) -> list[dict[str, An
     ]
     new = np.isfinite(recording["paired_force"])
     t, x, f, number = (recording[name][new] for name in OF_STEPS)
-    return step_results(t, x, f, number, steps, recorded_transmission(recording))
+    known, resolution = recorded_transmission(recording), settings.encoder_resolution
+    return step_results(t, x, f, number, steps, known, resolution)
 
 
 def with_steps(

@@ -54,6 +54,8 @@ def tick_cost(settings: TrialSettings) -> float:
         custom_rig=None,
         custom_condition=None,
         custom_signal=None,
+        custom_link=None,
+        protocol=None,
         tare=NO_TARE,
         custom_limits=None,
         tightened_limits=NOT_TIGHTENED,

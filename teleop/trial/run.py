@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,6 +12,7 @@ from sim_backend import SimulatedRig
 from teleop.control.conditions import Condition
 from teleop.errors import InputError
 from teleop.names import RealtimeName
+from teleop.recording.sinks import Sink
 from teleop.settings.custom_class import described, with_averaged
 from teleop.settings.ranges import MOST_TICKS_IN_MEMORY
 from teleop.settings.trial_settings import TrialSettings
@@ -44,6 +46,7 @@ def run_trial(
     rig_maker: RigMaker | None = None,
     live: LiveLink | None = None,
     arm: bool = False,
+    further: Sequence[Sink] = (),
 ) -> Trial:
     """Run a trial until its end, a fault, or Ctrl-C. Then disable the drives; return the result.
 
@@ -74,6 +77,8 @@ def run_trial(
         Whether a person has permitted the drives to move, for example by the answer to
         `teleop.trial.arming.is_armed`. Needed on every rig except the simulated rig, unless the
         drives are armed in the live page.
+    further
+        Objects that receive the ticks and events besides the recording.
 
     Raises
     ------
@@ -93,7 +98,17 @@ def run_trial(
         is_real = not settings.is_simulated or rig_maker is not None
         with StopSwitch(key=is_real and settings.clock == "real") as switch:
             return run_trial(
-                settings, record, show, switch, real, overwrite, condition, rig_maker, live, arm
+                settings,
+                record,
+                show,
+                switch,
+                real,
+                overwrite,
+                condition,
+                rig_maker,
+                live,
+                arm,
+                further,
             )
     check_stated(settings)
     if condition:
@@ -113,7 +128,7 @@ def run_trial(
     check_armed(settings, rig, arm, live)
     bank = settings.estimation_preset.bank()
     layout = make_layout(settings, bank, pointer)
-    outputs = Outputs(settings, layout, bank, switch, record, overwrite, show, live)
+    outputs = Outputs(settings, layout, bank, switch, record, overwrite, show, live, further)
     loop = None
     try:
         cost = check_rate(settings) if settings.clock == "real" else 0.0

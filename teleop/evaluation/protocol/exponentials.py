@@ -95,6 +95,8 @@ class Held:
     """Other quantity."""
     rows: slice
     """Averages that are fitted."""
+    rounding: float
+    """Largest error of y that drifts slowly."""
 
     @property
     def duration(self) -> float:
@@ -125,7 +127,19 @@ class Held:
             part = columns[:, used] / sizes[used]
             coefficients[used] = np.linalg.lstsq(part, y, rcond=None)[0] / sizes[used]
         residual = y - columns @ coefficients
-        return Fit(log_tau, coefficients, residual, effective_samples(residual))
+        return Fit(log_tau, coefficients, residual, independent_samples(residual))
+
+
+def independent_samples(residual: Floats) -> float:
+    """Return the number of independent values, from the variance of the means of batches.
+
+    Unlike the correlation of successive values, it contains a small error that changes slowly.
+    """
+    size = max(int(math.sqrt(len(residual))), 2)
+    whole = residual[: len(residual) // size * size].reshape(-1, size)
+    variance = max(float(np.var(residual)), 1e-300)
+    inflation = size * float(np.var(whole.mean(axis=1))) / variance
+    return min(effective_samples(residual), len(residual) / max(inflation, 1.0))
 
 
 @dataclass(frozen=True)
@@ -149,7 +163,7 @@ class Fit:
         return n * math.log(mean) + (2 + 2 * count) * math.log(max(n, 2.0))
 
 
-def fit_decay(t: Floats, u: Floats, y: Floats, settling: float) -> Decay:
+def fit_decay(t: Floats, u: Floats, y: Floats, settling: float, rounding: float = 0.0) -> Decay:
     """Fit a hold.
 
     Parameters
@@ -160,11 +174,14 @@ def fit_decay(t: Floats, u: Floats, y: Floats, settling: float) -> Decay:
         Controlled quantity and other quantity, shape (n,).
     settling
         Time from which the hold is fitted [s].
+    rounding
+        Largest error of `y` due to the rounding of the position, which may drift slowly within
+        one step of the encoder. The intervals contain its effect.
     """
     size = max(1, len(t) // BLOCKS)
     whole = len(t) // size * size
     t, u, y = (values[:whole].reshape(-1, size).mean(axis=1) for values in (t, u, y))
-    held = Held(t, u, y, slice(int(np.searchsorted(t, settling)), None))
+    held = Held(t, u, y, slice(int(np.searchsorted(t, settling)), None), rounding)
     best, unresolved = held.fitted(np.empty(0)), False
     for count in range(1, MOST + 1):
         found = best_fit(held, count)
@@ -227,7 +244,11 @@ def decay_of(held: Held, fit: Fit) -> Decay:
     variance = float(fit.residual @ fit.residual) / len(fit.residual)
     scaled = jacobian / sizes
     covariance = np.linalg.pinv(scaled.T @ scaled) * len(fit.residual) / freedom * variance
-    half = float(stdtrit(freedom, 0.975)) * np.sqrt(np.maximum(np.diag(covariance), 0.0)) / sizes
+    t = held.t[held.rows]
+    shapes = np.column_stack([t / t[-1], *(np.exp(-t / tau) for tau in taus)])
+    by_rounding = held.rounding * np.abs(np.linalg.pinv(scaled) @ shapes).max(axis=1)
+    by_noise = float(stdtrit(freedom, 0.975)) * np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    half = np.hypot(by_noise, by_rounding) / sizes
     begin = int(np.searchsorted(held.t, 0.0))
     size_at_start = held.signals(fit.log_tau)[begin]
     amplitudes = fit.coefficients[2:] * size_at_start

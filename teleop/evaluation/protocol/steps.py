@@ -48,6 +48,7 @@ def step_results(
     number: Floats,
     steps: Sequence[StepPart],
     known: TransmissionCalibration,
+    resolution: float = 0.0,
 ) -> list[dict[str, Any]]:
     """Return the results of the steps that were performed, in their order.
 
@@ -61,6 +62,8 @@ def step_results(
         All steps of the protocol.
     known
         Calibrated transmission between encoder and tip.
+    resolution
+        Smallest step of the measured position [m].
     """
     played = Play(known.lost_motion).run(x) if known.lost_motion else x
     found = []
@@ -78,7 +81,7 @@ def step_results(
             "text": step.text,
             "start_s": begin,
             "end_s": float(t[part[-1]]),
-            **evaluated(step, t[part], played[part], f[part], begin, known),
+            **evaluated(step, t[part], played[part], f[part], begin, known, resolution),
         }
         found.append(result)
     return found
@@ -91,6 +94,7 @@ def evaluated(
     f: Floats,
     begin: float,
     known: TransmissionCalibration,
+    resolution: float,
 ) -> dict[str, Any]:
     """Return the result of one step; empty if the step is not evaluated.
 
@@ -100,7 +104,10 @@ def evaluated(
     if step.kind in ("relaxation", "creep"):
         u, y = (tip, f) if step.kind == "relaxation" else (smoothed(f, t), tip)
         settling = min(SETTLING, 0.2 * (t[-1] - begin))
-        decay = fit_decay(t - begin, u, y, settling)
+        rounding = 0.5 * resolution
+        if step.kind == "relaxation":
+            rounding *= abs(f[-1] - f[0]) / max(abs(tip[-1] - tip[0]), rounding, 1e-9)
+        decay = fit_decay(t - begin, u, y, settling, rounding)
         return {"held": float(u[t >= begin + settling].mean()), step.kind: asdict(decay)}
     if step.kind == "cyclic":
         rise = 1.0 / step.frequency
