@@ -365,7 +365,7 @@ class RunningTrial:
         Returns
         -------
         samples
-            Columns of the recording by name, each of shape (n,); empty before the first tick.
+            Columns of the recording by name, each of shape (n,). n is 0 before the first tick.
         """
         newest = self._reader.newest
         count = max(int(seconds * self.settings.loop_rate), 1)
@@ -435,14 +435,11 @@ class RunningTrial:
     def _read(self, numbers: range) -> tuple[int, dict[str, Floats]]:
         """Return the number of the newest sample read, and the samples by column."""
         found, slots = self._reader.read(numbers)
-        if not found:
-            return numbers.start - 1, {}
-        size = self._dtype.itemsize
-        rows = np.frombuffer(
-            np.ascontiguousarray(slots["message"][:, :size]).tobytes(), dtype=self._dtype
-        )
+        messages = np.ascontiguousarray(slots["message"][:, : self._dtype.itemsize])
+        rows = np.frombuffer(messages.tobytes(), dtype=self._dtype)
         names = [name for name in self._dtype.names or () if name != "cdr"]
-        return found[-1], {name: rows[name].copy() for name in names}
+        last = found[-1] if found else numbers.start - 1
+        return last, {name: rows[name].copy() for name in names}
 
     def _ipython_display_(self) -> None:
         """Show the trial in a notebook, with a button that stops the drives."""
@@ -481,7 +478,7 @@ class Caller(threading.Thread):
             if newest > last:
                 first = max(last + 1, reader.oldest)
                 last, samples = self._trial._read(range(first, newest + 1))
-                if samples:
+                if len(samples["time"]):
                     yield samples
             if not running:
                 return

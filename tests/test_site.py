@@ -24,7 +24,10 @@ from .busy_machine import REPEATS, busy_cause
 ROOT = Path(__file__).parents[1]
 PAGES = sorted((ROOT / "docs").glob("*.md"))
 GUIDES = [ROOT / name for name in ("README.md", "CONTRIBUTING.md", "benchmarks/README.md")]
-TESTED = ("writing-a-driver", "writing-an-estimator")
+TESTED = (
+    *("writing-a-driver", "writing-an-estimator", "writing-a-condition", "writing-a-signal"),
+    *("writing-a-link", "writing-a-rig", "howto-notebook"),
+)
 """Pages whose Python blocks have a test of their own."""
 RETURN = 1.3
 """Time in which the emulated plant returns to its start [s]."""

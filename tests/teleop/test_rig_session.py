@@ -88,7 +88,7 @@ def test_a_slow_function_misses_samples_and_does_not_delay_the_loop(tmp_path):
 def test_stop_ends_the_trial_with_a_commanded_stop(tmp_path):
     trial = teleop.Rig().start("autonomous", record=tmp_path / "b.mcap", duration=60.0, **SLOW)
     deadline = time.monotonic() + 30.0
-    while not trial.samples(0.2) and time.monotonic() < deadline:
+    while not len(trial.samples(0.2)["time"]) and time.monotonic() < deadline:
         time.sleep(0.05)
     assert trial.is_running
     assert "running" in repr(trial)
@@ -103,7 +103,7 @@ def test_stop_ends_the_trial_with_a_commanded_stop(tmp_path):
 def parent(folder):
     """A kernel that starts a trial and is killed."""
     trial = teleop.Rig().start("autonomous", record=folder / "c.mcap", duration=60.0, **SLOW)
-    while not trial.samples(0.2):
+    while not len(trial.samples(0.2)["time"]):
         time.sleep(0.05)
     (folder / "pid").write_text(str(trial._process.pid))
     time.sleep(60.0)
