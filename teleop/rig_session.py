@@ -203,7 +203,7 @@ class Rig:
 
     def start(
         self,
-        condition: str | None = None,
+        condition: str | Condition | None = None,
         *,
         arm: Ask | None = None,
         record: Path | str | None = None,
@@ -215,8 +215,7 @@ class Rig:
         Parameters
         ----------
         condition
-            Name of the control condition. A class that is defined in a notebook cannot be sent to
-            another process: use `run`, or a class in an installed package.
+            Name of the control condition. An object cannot be sent to another process.
         arm
             Function that asks a person to arm the drives, such as `teleop.ask`. Needed unless
             nothing real moves.
@@ -235,8 +234,13 @@ class Rig:
         Raises
         ------
         InputError
-            A setting is invalid, or nobody has armed the drives.
+            A setting is invalid, the condition is an object, or nobody has armed the drives.
         """
+        if isinstance(condition, Condition):
+            raise InputError(
+                f"condition {type(condition).__name__}: an object is not sent to another process: "
+                "expected the name of a condition, or Rig.run"
+            )
         stated = self.settings(condition, **settings)
         armed = is_armed(stated, arm)
         path = Path(record) if record else new_recording(stated.condition_name, stated.palpated)

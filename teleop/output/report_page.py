@@ -94,7 +94,7 @@ def report_page(
         values |= of_evaluation(evaluation, summary, truth, true)
         if summary and not recording:
             values["about"] = [motion_line(summary)]
-        values["tracking"] = values["feedback"] = values["steps"] = ""
+        values["tracking"] = values["feedback"] = values["steps"] = values["step_drawing"] = ""
         if steps:
             values |= {"steps": True, "step_tables": [*step_tables(steps)]}
             values["step_lines"] = [*step_lines(steps)]

@@ -60,6 +60,11 @@ def test_a_hardware_rig_takes_its_rate_from_the_file_and_is_armed_by_a_person_on
         rig.start("autonomous", arm=True, **named)
 
 
+def test_an_object_is_not_sent_to_another_process():
+    with pytest.raises(teleop.InputError, match="condition Push: an object is not sent"):
+        teleop.Rig().start(Push())
+
+
 @pytest.mark.parametrize(("typed", "armed"), [("arm", True), ("", False), ("yes", False)])
 def test_only_the_word_arm_arms(monkeypatch, typed, armed):
     monkeypatch.setattr("builtins.input", lambda text: typed)
