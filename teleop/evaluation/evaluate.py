@@ -10,7 +10,7 @@ import numpy as np
 
 from estimation import (
     Bank,
-    Excitation,
+    ExpectedIntervals,
     Fit,
     Misfit,
     Preset,
@@ -133,7 +133,7 @@ def evaluate(
     run = OnlineRun(
         bank,
         Misfit(bank) if given else Misfit(bank, 1.0 / frequency),
-        Excitation(frequency, resolution=10.0 * resolution),
+        ExpectedIntervals(frequency),
         comparisons(bank, regression, fit),
         period,
         samples.count,

@@ -11,7 +11,12 @@ from estimation.quantities import DAMPING, STIFFNESS
 from teleop.evaluation.teleoperation.thresholds import NOTICEABLE
 from teleop.names import ISOMETRIC
 from teleop.output.console import plain_console
-from teleop.output.estimate_tables import left_out_lines, print_estimated, print_online
+from teleop.output.estimate_tables import (
+    expected_text,
+    left_out_lines,
+    print_estimated,
+    print_online,
+)
 from teleop.output.next_command import print_command
 from teleop.output.result_tables import print_best_model, print_result, true_numbers
 from teleop.printable import wrapped
@@ -75,10 +80,7 @@ def print_results(console: Console, summary: Mapping[str, Any], details: bool) -
     print_feedback(console, summary["feedback"])
     print_estimated(console, summary)
     if details:
-        excitation = summary["excitation"]["mean"]
-        console.print(
-            f"  excitation: {excitation:.2f} (0 at rest, 1 for a sine of 1 Hz about zero)"
-        )
+        console.print(f"  {expected_text(summary['expected_intervals'])}")
     if summary["contact"] < 1.0 and details:
         rest = f"{1.0 - summary['contact']:.0%} of the samples"
         console.print(f"  contact force near zero, and estimates held, in {rest}")

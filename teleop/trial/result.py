@@ -352,7 +352,7 @@ class Trial(Presented):
             "left_out": found.left_out,
             "force_lag_s": corrected.force_lag,
             "lost_motion_m": corrected.lost_motion,
-            "excitation": found.excitation,
+            "expected_intervals": found.expected,
             "contact": found.contact,
             "loop": found.loop,
             "safety": {
