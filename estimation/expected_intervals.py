@@ -16,12 +16,13 @@ from numpy.typing import ArrayLike, NDArray
 from estimation.arrays import Floats
 from estimation.checks import check_positive, checked_samples, is_valid, sample_error
 from estimation.compiled import Law, sweep
+from estimation.conditioning import BANDWIDTH
 from estimation.estimator import LEVEL_95
 from estimation.step import B, K, Matrix, Regressors, State, Vector, below, zeros
 
-BLOCKS = 50
-"""Number of blocks per period of the motion. With a period of 1 s, a block has 20 ms: about the
-correlation time of the noise behind the filters, and short compared with the motion."""
+BLOCK = 0.4
+"""Length of a block, divided by the period of the bandwidth of the filters: 20 ms for 20 Hz. So
+successive blocks are little correlated, and a block is short compared with the motion."""
 FEWEST_BLOCKS = 20
 """Fewest blocks from which intervals are computed; there are up to 6 regressors."""
 LARGEST_EXPECTED = 1.0
@@ -35,8 +36,8 @@ LEAST_PIVOT = 1e-9
 below this limit is left out."""
 LARGEST_CORRELATION = 0.99
 """Largest correlation of the noise of successive blocks that is assumed."""
-MEMORY = 1.0 / BLOCKS
-"""Share of a block in the running mean of the correlation of the noise: one period."""
+MEMORY = 0.02
+"""Share of a block in the running mean of the correlation of the noise."""
 SIZE = 6
 """Number of regressors: 1, x, v, x^2, x^3, x^4."""
 X, V = 1, 2
@@ -59,6 +60,8 @@ class InformationParameters:
 
     block: float
     """Length of a block [s]."""
+    omega: float
+    """Natural frequency of the filter of position and force [rad/s]."""
 
 
 @dataclass(slots=True)
@@ -97,18 +100,23 @@ class InformationState(State):
 def step(
     parameters: InformationParameters, state: InformationState, phi: Regressors, f: float, dt: float
 ) -> None:
-    """Add one sample to the present block, and compute the expected intervals after each block."""
+    """Add one sample to the present block, and compute the expected intervals after each block.
+
+    The force of a stiffness that depends on depth passes the low-pass filter H after the powers of
+    x, and x before them. To the second order in the frequency, H x^n = y^n + n (n - 1) y^(n-2)
+    (y'/omega)^2 with y = H x. Without this correction, the difference would be taken as noise.
+    """
     if math.isnan(state.origin):
         state.origin = phi[K]
     sums = state.sums
-    z = (phi[K] - state.origin) / SCALE
-    square = z * z
+    z, speed = (phi[K] - state.origin) / SCALE, phi[B] / (SCALE * parameters.omega)
+    square, curved = z * z, speed * speed
     sums[0] += dt
     sums[X] += z * dt
     sums[V] += phi[B] * dt
-    sums[3] += square * dt
-    sums[4] += square * z * dt
-    sums[5] += square * square * dt
+    sums[3] += (square + 2.0 * curved) * dt
+    sums[4] += z * (square + 6.0 * curved) * dt
+    sums[5] += square * (square + 12.0 * curved) * dt
     sums[SIZE] += f * dt
     state.span += dt
     if state.span < parameters.block:
@@ -212,13 +220,13 @@ class ExpectedIntervals:
 
     Parameters
     ----------
-    frequency
-        Expected frequency of the motion [Hz], whose period has `BLOCKS` blocks.
+    bandwidth
+        Bandwidth of the low-pass filter of position and force [Hz].
 
     Raises
     ------
     ValueError
-        The frequency is not positive.
+        The bandwidth is not positive.
 
     References
     ----------
@@ -226,9 +234,9 @@ class ExpectedIntervals:
     7.4 (Cramer-Rao inequality) and 13 (experiment design).
     """
 
-    def __init__(self, frequency: float = 1.0) -> None:
-        check_positive(frequency=frequency)
-        self._law = Law(step, InformationParameters(1.0 / (BLOCKS * frequency)))
+    def __init__(self, bandwidth: float = BANDWIDTH) -> None:
+        check_positive(bandwidth=bandwidth)
+        self._law = Law(step, InformationParameters(BLOCK / bandwidth, 2.0 * math.pi * bandwidth))
         nan, size = math.nan, SIZE + 1
         self._state = InformationState(
             [nan, nan],

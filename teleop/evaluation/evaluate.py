@@ -133,7 +133,7 @@ def evaluate(
     run = OnlineRun(
         bank,
         Misfit(bank) if given else Misfit(bank, 1.0 / frequency),
-        ExpectedIntervals(frequency),
+        ExpectedIntervals(bandwidth),
         comparisons(bank, regression, fit),
         period,
         samples.count,

@@ -23,9 +23,9 @@ def force(x, v, seed, k3=0.0):
     return K * x + B * v + k3 * x**3 + noise
 
 
-def expected(x, v, f, frequency=1.0):
+def expected(x, v, f):
     """Return the relative half widths of k and b after the last sample."""
-    k, b = ExpectedIntervals(frequency).run(x, v, f, 1.0 / RATE)
+    k, b = ExpectedIntervals(40.0).run(x, v, f, 1.0 / RATE)
     return k[-1], b[-1]
 
 
@@ -36,22 +36,24 @@ def test_is_the_covariance_of_least_squares_for_white_noise(amplitude, frequency
     z = (x - mean) / amplitude
     phi = np.column_stack((v, z * amplitude, np.ones(len(z)), z**2, z**3, z**4))
     half = 1.96 * NOISE * np.sqrt(np.diag(np.linalg.inv(phi.T @ phi)))
-    found = np.median([expected(x, v, force(x, v, seed), frequency) for seed in range(8)], axis=0)
+    found = np.median([expected(x, v, force(x, v, seed)) for seed in range(8)], axis=0)
     # the residual decides the variance and its correlation, each to about 5 %
     np.testing.assert_allclose(found, (half[1] / K, half[0] / B), rtol=0.15)
 
 
-def test_the_expected_interval_contains_the_true_damping_as_often_as_it_states():
-    x, v = sine(3e-3, 2.0, 4e-3, seconds=2.0)
-    inside = 0
+@pytest.mark.parametrize("k3", [0.0, 4e6])
+def test_is_the_scatter_of_the_damping_behind_the_filters_also_if_the_body_stiffens(k3):
+    x, v = np.add(sine(1.5e-3, 2.0, 4e-3, 3.0), sine(1.5e-3, 3.0, 0.0, 3.0))
+    found, halves = [], []
     for seed in range(60):
-        r = MatchedFilter(20.0).run(x, force(x, v, seed, k3=1e7), 1.0 / RATE)
+        r = MatchedFilter(20.0).run(x, force(x, v, seed, k3), 1.0 / RATE)
         kept = slice(300, None)
-        estimation = ExpectedIntervals()
-        _, b = estimation.run(*(channel[kept] for channel in r[:4]))
-        phi = np.column_stack((r.v, *((r.x - 4e-3) ** n for n in range(5))))[kept]
-        inside += abs(np.linalg.lstsq(phi, r.f[kept])[0][0] - B) <= b[-1] * B
-    assert 52 <= inside <= 60  # 57 expected; chance violates it once in 50 seeds
+        _, b = ExpectedIntervals().run(*(channel[kept] for channel in r[:4]))
+        phi = np.column_stack((r.v, *((1e3 * r.x - 4.0) ** n for n in range(5))))[kept]
+        found.append(np.linalg.lstsq(phi, r.f[kept])[0][0])
+        halves.append(B * b[-1])
+    # the scatter of 60 estimates has an error of 9 %
+    assert np.median(halves) == pytest.approx(1.96 * np.std(found), rel=0.25)
 
 
 @pytest.mark.parametrize(
@@ -65,12 +67,6 @@ def test_the_expected_interval_contains_the_true_damping_as_often_as_it_states()
 def test_a_motion_that_does_not_separate_damping_and_stiffness_has_no_interval_of_b(x, v):
     _, b = expected(x, v, force(x, v, 0))
     assert not b <= 1.0
-
-
-def test_a_stiffness_that_depends_on_depth_is_no_noise():
-    x, v = sine(3e-3, 2.0, 4e-3)
-    plain, stiffening = expected(x, v, force(x, v, 0)), expected(x, v, force(x, v, 0, k3=2e7))
-    assert stiffening[1] == pytest.approx(plain[1], rel=0.01)
 
 
 @pytest.mark.parametrize("bounds", [[0, 3000], [0, 0, 1, 40, 1500, 3000]])
@@ -96,6 +92,6 @@ def test_without_contact_the_intervals_do_not_change():
     assert found.update(0.0, 0.0, 0.0, 1e-3, is_open=False) == (k[-1], b[-1])
 
 
-def test_a_frequency_that_is_not_positive_is_refused():
-    with pytest.raises(ValueError, match="frequency must be positive"):
-        ExpectedIntervals(frequency=0.0)
+def test_a_bandwidth_that_is_not_positive_is_refused():
+    with pytest.raises(ValueError, match="bandwidth must be positive"):
+        ExpectedIntervals(bandwidth=0.0)
