@@ -56,6 +56,9 @@ class TrialOptions:
     """Notes, for the recording."""
     duration: Seconds | None = None
     """Duration of the trial [s]. Default: 10."""
+    until: str | None = None
+    """End the trial when the 95 % intervals of the result are narrow enough, such as k=2%,b=10%, or
+    after the duration. Default: the trial has the full duration."""
     clock: ClockName | None = None
     """real: the trial runs in real time. virtual: the trial runs as fast as possible, with exactly
     the same result for the same seed. Default: real."""
@@ -104,6 +107,7 @@ class TrialOptions:
         from teleop.control.channel import parse_channel
         from teleop.control.conditions import CONDITIONS
         from teleop.control.tare import read_tare
+        from teleop.control.wanted_precision import parse_wanted
         from teleop.errors import InputError, as_input_error
         from teleop.settings.configuration import read_configuration
         from teleop.settings.custom_class import stated_class
@@ -126,6 +130,9 @@ class TrialOptions:
             usual = CONDITIONS[self.condition or settings.condition].default_frequency
             frequency = usual if self.frequency is None else self.frequency
             given["signal"] = make_signal(self.signal or settings.excitation.kind, frequency)
+        with as_input_error():
+            if self.until:
+                given["until"] = parse_wanted(self.until)
         if self.coupling:
             given["coupling"] = make_coupling(self.coupling)
         if self.feedback:

@@ -7,6 +7,7 @@ from typing import Any
 
 from rich.console import Console
 
+from estimation.expected_intervals import half_width_text
 from estimation.quantities import DAMPING, STIFFNESS
 from teleop.evaluation.teleoperation.thresholds import NOTICEABLE
 from teleop.names import ISOMETRIC
@@ -38,6 +39,12 @@ def print_trial(summary: Mapping[str, Any], details: bool) -> None:
         console.print("INTERRUPTED before the end", style="bold yellow")
     title = f"{summary['condition']}, {summary['specimen']}, {duration(summary)}"
     print_result(summary, title)
+    if until := summary["until"]:
+        wanted = ", ".join(
+            f"{part} {half_width_text(half)}" for part, half in until["wanted"].items()
+        )
+        missed = "" if until["reached"] else "not reached: at the end "
+        console.print(f"  wanted {wanted}; {missed}{until['text']}")
     print_best_model(summary)
     if summary["pairs"]:
         print_results(console, summary, details)

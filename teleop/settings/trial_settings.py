@@ -52,6 +52,7 @@ from teleop.control.feedback.settings import FeedbackSettings
 from teleop.control.hand_observer import HandObserver
 from teleop.control.tare import NO_TARE, Tare
 from teleop.control.target import Target
+from teleop.control.wanted_precision import WantedPrecision
 from teleop.names import (
     COUPLED,
     FORCE_SENSOR,
@@ -80,6 +81,7 @@ from teleop.settings.values import (
     one_line,
     rig_of,
     tare_of,
+    wanted_of,
     without_zero,
 )
 
@@ -114,6 +116,12 @@ class TrialSettings:
     """Whether to show the trial on the live page in a browser."""
     duration: Annotated[Seconds, Field(alias="duration_s", gt=0.0)] = 10.0
     """Duration of the trial [s]."""
+    until: Annotated[WantedPrecision | None, BeforeValidator(wanted_of, str | WantedPrecision)] = (
+        None
+    )
+    """Precision of the result of the evaluation at which the trial ends before `duration`, as a
+    text such as `k=2%,b=10%`: half widths of the 95 % intervals. Default: the trial has the full
+    duration."""
     clock: ClockName = "real"
     """Clock of the control loop: real or virtual time."""
     rate: Annotated[

@@ -1,0 +1,158 @@
+"""Evaluate the record of a running trial again and again, until it is as precise as wanted.
+
+The evaluation is that after the trial. The interval of an online estimator can be narrow although
+its value is wrong.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from estimation.arrays import Floats
+from estimation.expected_intervals import half_width_text
+from teleop.control.wanted_precision import REACHED, WantedPrecision, parse_wanted
+from teleop.errors import InputError
+from teleop.evaluation.batch.analysis import Analysis
+from teleop.evaluation.evaluate import batch_analysis
+from teleop.evaluation.reading.recorded import Sections, measured, with_gaps
+from teleop.evaluation.reading.signals import Signals
+from teleop.recording.recording import Recording, from_messages
+from teleop.trial.recorded_trial import estimate_settings
+
+FIRST, PERIOD, GROWTH = 1.0, 0.5, 0.05
+"""Time of the first evaluation after arming [s], time between two evaluations [s], and the least
+time between two evaluations as a fraction of the time since arming, for long trials."""
+CONFIRM = 0.2
+"""Time from the first evaluation with the wanted precision to the one that confirms it [s]. The
+interval of one of many evaluations can be too narrow by chance."""
+NOT_KNOWN = "not known yet"
+
+
+class Finding(NamedTuple):
+    """Precision at one evaluation of a running trial."""
+
+    text: str
+    """The half widths of the intervals, and how much longer the trial takes."""
+    is_reached: bool
+
+
+class PrecisionWatch:
+    """Evaluates the record of a running trial, and compares its precision with the wanted one.
+
+    `trial` has the settings, the names of the columns and the events of the trial, but no ticks.
+    """
+
+    def __init__(self, wanted: WantedPrecision, trial: Recording, duration: float) -> None:
+        self._wanted = wanted
+        self._settings = estimate_settings(trial)
+        self._armed = next(e["time"] for e in trial.events if e["mode"] == "active")
+        self._limit = duration
+        self._sections = Sections()
+        self._due = self._armed + FIRST
+        self._is_confirmed = False
+        self._reached = False
+
+    def add(self, columns: Mapping[str, Floats]) -> None:
+        """Add the columns of the next ticks."""
+        # the estimates can be computed later than this: x is known when there is a pair
+        self._sections.add(measured({**columns, "x": columns["paired_dt"]}))
+
+    def is_due(self, t: float) -> bool:
+        """Return whether the record must be evaluated at the time t [s] of the trial."""
+        return t >= self._due and not self._reached
+
+    def evaluate(self, t: float) -> Finding:
+        """Evaluate all ticks that were added, until the time t [s] of the trial."""
+        elapsed = t - self._armed
+        try:
+            analysis = batch_analysis(self._signals(), self._settings)
+        except InputError:
+            analysis = None
+        halves = {part: half_width(analysis, part) for part in self._wanted.parts}
+        text = ", ".join(f"{part} {half_width_text(half)}" for part, half in halves.items())
+        is_precise = all(halves[part] <= most for part, most in self._wanted.parts.items())
+        if is_precise and self._is_confirmed:
+            self._reached = True
+            return Finding(f"{REACHED}: {text} after {elapsed:.1f} s", True)
+        self._is_confirmed = is_precise
+        self._due = t + (CONFIRM if is_precise else max(PERIOD, GROWTH * elapsed))
+        if is_precise:
+            more = "to be confirmed"
+        else:
+            more = forecast(analysis, halves, self._wanted, elapsed, self._limit - elapsed)
+        return Finding(f"{text}: {more}", False)
+
+    def _signals(self) -> Signals:
+        t, x, f, dt = self._sections.samples()
+        gaps = with_gaps(t, dt, (), self._sections.starts)
+        return Signals(t, x, f, dt, "slave_position", gaps)
+
+
+def watch_of(session: Mapping[str, Any], event: dict[str, Any]) -> PrecisionWatch:
+    """Return the evaluation of a trial whose drives were armed at this event."""
+    trial = from_messages(session["definition"], b"", [event], session["metadata"])
+    return PrecisionWatch(parse_wanted(session["wanted"]), trial, session["duration"])
+
+
+def half_width(analysis: Analysis | None, part: str) -> float:
+    """Return the half width of the interval of k or b as a fraction of the value.
+
+    NaN if the evaluation does not give the value, or states that it cannot be used.
+    """
+    result = analysis and analysis.result
+    if not result or not result.determines(part) or (part == "b" and result.b_reason):
+        return math.nan
+    low, high = result.interval(part)
+    value = abs(getattr(result, part))
+    return 0.5 * (high - low) / value if value else math.inf
+
+
+def forecast(
+    analysis: Analysis | None,
+    halves: Mapping[str, float],
+    wanted: WantedPrecision,
+    elapsed: float,
+    left: float,
+) -> str:
+    """Return how long the same motion takes until the wanted precision, as text.
+
+    The part of an interval that results from noise decreases with the square root of the time. The
+    part of the errors of lag and lost motion between encoder and tip does not decrease.
+    """
+    times = []
+    for part, most in wanted.parts.items():
+        half, least = halves[part], permanent(analysis, part)
+        if math.isnan(half):
+            return NOT_KNOWN
+        if least >= most:
+            return (
+                f"not reachable by this motion, lag and lost motion alone give {part} "
+                f"{half_width_text(least)}"
+            )
+        noise = max(half**2 - least**2, 0.0)
+        times.append(elapsed * (noise / (most**2 - least**2) - 1.0))
+    more = max(*times, 0.1)
+    beyond = f", and {max(left, 0.0):.2g} s are left" if more > left else ""
+    return f"about {more:.2g} s more{beyond}"
+
+
+def permanent(analysis: Analysis | None, part: str) -> float:
+    """Return the part of a relative half width that a longer record does not reduce."""
+    if analysis is None or analysis.result.k is None or analysis.result.b is None:
+        return 0.0
+    record, known = analysis.record, analysis.transmission
+    usable = analysis.phases.usable
+    x, v = record.x[usable], record.v[usable]
+    power = float((v**2).mean())
+    if not power > 0.0:
+        return 0.0
+    a = np.gradient(record.v, record.period)[usable]
+    omega = float(a.std()) / math.sqrt(power)
+    k, b = analysis.result.k, analysis.result.b
+    if part == "k":
+        return known.stiffness_error(k, 0.5 * float(np.ptp(x)), omega) / abs(k)
+    return known.damping_error(k, float(np.abs(v).mean()) / power, omega) / abs(b) if b else 0.0
