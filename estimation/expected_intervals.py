@@ -85,6 +85,8 @@ class InformationState(State):
     of the force residual."""
     coefficients: Vector
     """Least-squares coefficients of the regressors."""
+    noise: float
+    """Variance of the noise of independent blocks [N^2]."""
     weights: Vector
     """Weights of the coefficients in b or k."""
     part: Vector
@@ -177,6 +179,7 @@ def _solve(state: InformationState) -> None:
     correlation = state.product / state.square if state.square > 0.0 else 0.0
     correlation = min(max(correlation, 0.0), LARGEST_CORRELATION)
     noise = D[SIZE] / (state.count - used) * (1.0 + correlation) / (1.0 - correlation)
+    state.noise = noise
     weights, z = state.weights, S[X][0] / state.count
     for i in below[SIZE]:
         weights[i] = 1.0 if i == V else 0.0
@@ -250,6 +253,7 @@ class ExpectedIntervals:
             [zeros(size) for _ in range(size)],
             zeros(size),
             zeros(SIZE),
+            0.0,
             zeros(SIZE),
             zeros(SIZE),
             0.0,
@@ -283,6 +287,20 @@ class ExpectedIntervals:
             step(self._law.parameters, state, (v, x), f, dt)
         (b, k), (b_std, k_std) = state.theta, state.std
         return ExpectedHalfWidths(relative(k, k_std), relative(b, b_std))
+
+    @property
+    def known(self) -> tuple[float, float, float, float, float] | None:
+        """Values for the design of an excitation; None before they are known.
+
+        They are k [N/m], b [N s/m], the inverse of the variances of both, and the spectral density
+        of the noise of the force [N^2 s].
+        """
+        state = self._state
+        if not (state.std[B] < math.inf and state.std[K] < math.inf and state.noise > 0.0):
+            return None
+        density = state.noise * self._law.parameters.block
+        (b, k), (b_std, k_std) = state.theta, state.std
+        return k, b, k_std**-2, b_std**-2, density
 
     def run(
         self,

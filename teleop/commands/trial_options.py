@@ -72,12 +72,13 @@ class TrialOptions:
     rate: Annotated[Hertz | None, Parameter(group=CONTROL)] = None
     """Sampling rate of the control loop [Hz]. Default: the rate in the rig file, or 1000."""
     signal: Annotated[SignalName | None, Parameter(group=CONTROL)] = None
-    """Excitation signal of the autonomous condition. Default: sine."""
+    """Excitation signal of the autonomous condition. designed: frequency, amplitude and mean depth
+    are chosen during the trial, so that k and b become precise soon. Default: sine."""
     frequency: Annotated[Hertz | None, Parameter(group=CONTROL)] = None
     """Frequency of the excitation signal, or of the sine that the operator follows in mimic [Hz].
     For a multisine, it is the lowest of five harmonics; for a chirp over two octaves, the lowest
-    frequency; for ramp-hold, that of the repetition, of which a half is the hold. Default: 1 in
-    mimic, 2 otherwise."""
+    frequency; for ramp-hold, that of the repetition, of which a half is the hold; for designed, the
+    highest that may be chosen. Default: 1 in mimic, 4 for designed, 2 otherwise."""
     coupling: Annotated[CouplingName | None, Parameter(group=CONTROL)] = None
     """velocity: the slave follows the velocity of the master, as in the paper. position: the slave
     also follows the position of the master. Default: velocity."""
@@ -106,6 +107,7 @@ class TrialOptions:
         from sim_backend.slave_drives import ForceSlave
         from teleop.control.channel import parse_channel
         from teleop.control.conditions import CONDITIONS
+        from teleop.control.excitation_signals import Designed
         from teleop.control.tare import read_tare
         from teleop.control.wanted_precision import parse_wanted
         from teleop.errors import InputError, as_input_error
@@ -118,18 +120,21 @@ class TrialOptions:
         settings = read_configuration(self.config) if self.config else TrialSettings()
         given = {name: value for name, value in vars(self).items() if value is not None}
         if self.rig:
-            kind = rig_class(self.rig)
-            given["rig"] = None if kind else load_rig_file(self.rig)
+            own_class = rig_class(self.rig)
+            given["rig"] = None if own_class else load_rig_file(self.rig)
             # a recorded rate is that of the recorded rig
             settings = replace(settings, custom_rig=None, rate=None)
-            if kind:
-                given["custom_rig"] = stated_class(kind)
+            if own_class:
+                given["custom_rig"] = stated_class(own_class)
         if self.condition:
             settings = replace(settings, custom_condition=None)
         if self.signal or self.frequency is not None:
             usual = CONDITIONS[self.condition or settings.condition].default_frequency
+            kind = self.signal or settings.excitation.kind
+            if kind == "designed":
+                usual = Designed.highest
             frequency = usual if self.frequency is None else self.frequency
-            given["signal"] = make_signal(self.signal or settings.excitation.kind, frequency)
+            given["signal"] = make_signal(kind, frequency)
         with as_input_error():
             if self.until:
                 given["until"] = parse_wanted(self.until)
@@ -165,7 +170,7 @@ DEFAULTS = TrialOptions()
 
 def make_signal(name: SignalName, frequency: float) -> AnySignal:
     """The signal with this name and lowest frequency [Hz]; InputError for a wrong frequency."""
-    from teleop.control.excitation_signals import Chirp, Multisine, RampHold, Sine
+    from teleop.control.excitation_signals import Chirp, Designed, Multisine, RampHold, Sine
     from teleop.errors import InputError
 
     try:
@@ -179,6 +184,8 @@ def make_signal(name: SignalName, frequency: float) -> AnySignal:
             case "ramp-hold":
                 period = 1.0 / Sine(frequency).frequency
                 return RampHold(0.05 * period, 0.5 * period, 0.4 * period)
+            case "designed":
+                return Designed(frequency)
     except ValueError as error:
         raise InputError(f"frequency {frequency:g} Hz: {error}") from error
 

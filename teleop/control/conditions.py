@@ -8,12 +8,14 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
 from drivers import Measurement
 from teleop.control.admittance import AdmittanceParameters
-from teleop.control.excitation_signals import AnySignal
+from teleop.control.designed_excitation import Design, DesignedInjector
+from teleop.control.excitation_signals import AnySignal, Designed
 from teleop.control.injector import Injector, ramp_time
 from teleop.control.target import Target
 
@@ -32,6 +34,8 @@ class IntendedMotion:
     admittance: AdmittanceParameters
     scale: float
     """Ratio of the motion of the slave to the motion of the master."""
+    design: Callable[[], Design]
+    """Returns what the choice of an excitation during the trial needs to know."""
 
 
 class Condition(ABC):
@@ -50,6 +54,8 @@ class Condition(ABC):
     default_frequency: ClassVar[float] = 2.0
     """Frequency of the sine if the settings have no signal [Hz]."""
 
+    note = ""
+    """Latest statement about the motion, which is shown and recorded."""
     finished = False
     """Whether the condition has finished. The trial then ends, even before its full duration."""
 
@@ -167,6 +173,7 @@ class Autonomous(Condition):
 
     instruction = "the controller moves the slave; leave the handle free"
     moved_by = "injector"
+    signal_kinds = (*Condition.signal_kinds, "designed")
 
     def __init__(self, injector: Injector) -> None:
         self._injector = injector
@@ -174,8 +181,15 @@ class Autonomous(Condition):
     @classmethod
     def create(cls, motion: IntendedMotion) -> Autonomous:
         """Return a new object, with an injector for the signal of the trial."""
-        signal, depth, duration = motion.signal, motion.depth, motion.duration
-        return cls(Injector(signal, depth, motion.admittance, motion.scale, duration))
+        signal, admittance, scale = motion.signal, motion.admittance, motion.scale
+        if isinstance(signal, Designed):
+            return cls(DesignedInjector(motion.design(), admittance, scale, motion.duration))
+        return cls(Injector(signal, motion.depth, admittance, scale, motion.duration))
+
+    @property
+    def note(self) -> str:  # type: ignore[override]
+        """Latest choice of a designed excitation; empty for another signal."""
+        return self._injector.note
 
     @classmethod
     def motion_texts(cls, motion: IntendedMotion) -> dict[str, str]:
@@ -191,6 +205,7 @@ class Autonomous(Condition):
 
     def drive_force(self, t: float, measurement: Measurement) -> float:
         """Return the force [N] with which the slave follows the excitation signal."""
+        self._injector.observe(t, measurement)
         return self._injector.force(t)
 
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 
+from drivers import Measurement
 from teleop.control.admittance import AdmittanceParameters
 from teleop.control.excitation_signals import Derivatives, Signal
 
@@ -40,7 +41,7 @@ class Injector:
     Parameters
     ----------
     signal
-        The excitation signal s(t).
+        The excitation signal s(t); None if a derived class defines `path`.
     depth
         Largest displacement of the slave [m], > 0.
     admittance
@@ -61,9 +62,12 @@ class Injector:
         A parameter is out of its range.
     """
 
+    note = ""
+    """Latest statement about the motion, for the person."""
+
     def __init__(
         self,
-        signal: Signal,
+        signal: Signal | None,
         depth: float,
         admittance: AdmittanceParameters,
         scale: float,
@@ -93,15 +97,23 @@ class Injector:
         ramp = u**3 * (10.0 - 15.0 * u + 6.0 * u * u)
         ramp_rate = sign * 30.0 * u * u * (1.0 - u) ** 2 / self._ramp
         ramp_acceleration = 60.0 * u * (1.0 - u) * (1.0 - 2.0 * u) / self._ramp**2
-        signal = self._signal.at(t)
-        offset = self._mean + self._half * signal.value
+        offset, rate, acceleration = self.path(t)
         return Derivatives(
             ramp * offset,
-            ramp_rate * offset + ramp * self._half * signal.rate,
-            ramp_acceleration * offset
-            + 2.0 * ramp_rate * self._half * signal.rate
-            + ramp * self._half * signal.acceleration,
+            ramp_rate * offset + ramp * rate,
+            ramp_acceleration * offset + 2.0 * ramp_rate * rate + ramp * acceleration,
         )
+
+    def path(self, t: float) -> Derivatives:
+        """Return the displacement of the master without the ramps at start and end [m]."""
+        assert self._signal
+        signal, half = self._signal.at(t), self._half
+        return Derivatives(
+            self._mean + half * signal.value, half * signal.rate, half * signal.acceleration
+        )
+
+    def observe(self, t: float, measurement: Measurement) -> None:
+        """Process the measurement at the time t [s]. A known signal does not depend on it."""
 
     def force(self, t: float) -> float:
         """Return the force [N] that moves the virtual mass along the signal."""

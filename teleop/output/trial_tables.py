@@ -45,6 +45,8 @@ def print_trial(summary: Mapping[str, Any], details: bool) -> None:
         )
         missed = "" if until["reached"] else "not reached: at the end "
         console.print(f"  wanted {wanted}; {missed}{until['text']}")
+    for choice in summary["choices"]:
+        console.print(f"  at {choice['time_s']:.1f} s, {choice['text']}")
     print_best_model(summary)
     if summary["pairs"]:
         print_results(console, summary, details)

@@ -101,6 +101,10 @@ class Event(NamedTuple):
     """Time at which the fault began [s]; NaN if there is no fault."""
 
 
+EXCITATION = "excitation"
+"""Source of the notes in which the control condition states its choice of the motion."""
+
+
 def is_note(fault: object, source: str) -> bool:
     """Return whether an event is a note: neither a fault nor a change of mode.
 

@@ -47,6 +47,7 @@ from teleop.control.admittance import AdmittanceParameters
 from teleop.control.channel import ChannelSettings
 from teleop.control.conditions import CONDITIONS, Condition, IntendedMotion
 from teleop.control.coupling import Coupling
+from teleop.control.designed_excitation import Design
 from teleop.control.excitation_signals import AnySignal, Sine
 from teleop.control.feedback.settings import FeedbackSettings
 from teleop.control.hand_observer import HandObserver
@@ -251,6 +252,20 @@ class TrialSettings:
             self.duration,
             self.admittance,
             self.coupling.scale,
+            self.design,
+        )
+
+    def design(self) -> Design:
+        """Return what the choice of an excitation during the trial needs to know."""
+        limits = self.limits
+        return Design(
+            min(self.setup.depth, limits.soft_position[1]),
+            self.excitation.highest,
+            limits.soft_force,
+            limits.max_velocity,
+            limits.max_acceleration,
+            self.make_conditioner(),
+            self.until,
         )
 
     @property

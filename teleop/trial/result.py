@@ -20,7 +20,7 @@ from teleop.recording.recording import Recording
 from teleop.recording.recording_file import RecordingFile
 from teleop.recording.sinks import Outcome
 from teleop.safety import Mode
-from teleop.safety.events import Fault, time_text
+from teleop.safety.events import EXCITATION, Fault, time_text
 from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.metadata import estimated_channels
 from teleop.trial.precision import SOURCE as PRECISION
@@ -348,6 +348,11 @@ class Trial(Presented):
             "estimated_channels": list(estimated_channels(settings)),
             "duration_s": settings.duration,
             "until": self.precision,
+            "choices": [
+                {"time_s": self.since_armed(event), "text": event["text"]}
+                for event in self.ticks.events
+                if event.get("source") == EXCITATION
+            ],
             "actual_duration_s": found.end - (self.armed or {"time": 0.0})["time"]
             if found.pairs
             else 0.0,

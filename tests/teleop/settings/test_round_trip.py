@@ -17,7 +17,7 @@ from sim_backend import ForceMaster, ForceSlave, OperatorModel, Sensors
 from teleop.control.admittance import AdmittanceParameters
 from teleop.control.channel import ChannelSettings
 from teleop.control.coupling import Coupling
-from teleop.control.excitation_signals import Chirp, Multisine, Sine
+from teleop.control.excitation_signals import Chirp, Designed, Multisine, Sine
 from teleop.control.feedback.settings import FeedbackSettings
 from teleop.control.tare import Tare
 from teleop.control.wanted_precision import WantedPrecision
@@ -79,7 +79,7 @@ OTHER = {
     "rig",
 }
 """Settings that are not varied here: see `test_documents.py` for those of other objects."""
-SIGNALS = st.sampled_from([None, Multisine((1.0, 2.0)), Chirp(1.0, 4.0, 1.0)])
+SIGNALS = st.sampled_from([None, Multisine((1.0, 2.0)), Chirp(1.0, 4.0, 1.0), Designed(3.0)])
 
 
 @st.composite
