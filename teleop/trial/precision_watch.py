@@ -7,7 +7,8 @@ its value is wrong.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections import deque
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -30,6 +31,8 @@ CONFIRM = 0.2
 """Time from the first evaluation with the wanted precision to the one that confirms it [s]. The
 interval of one of many evaluations can be too narrow by chance."""
 NOT_KNOWN = "not known yet"
+REMEMBERED, FEWEST = 8, 5
+"""Largest number of evaluations from which the limit of a half width is estimated, and least."""
 
 
 class Finding(NamedTuple):
@@ -55,6 +58,7 @@ class PrecisionWatch:
         self._due = self._armed + FIRST
         self._is_confirmed = False
         self._reached = False
+        self._history: deque[tuple[float, dict[str, float]]] = deque(maxlen=REMEMBERED)
 
     def add(self, columns: Mapping[str, Floats]) -> None:
         """Add the columns of the next ticks."""
@@ -80,10 +84,12 @@ class PrecisionWatch:
             return Finding(f"{REACHED}: {text} after {elapsed:.1f} s", True)
         self._is_confirmed = is_precise
         self._due = t + (CONFIRM if is_precise else max(PERIOD, GROWTH * elapsed))
+        self._history.append((elapsed, halves))
         if is_precise:
             more = "to be confirmed"
         else:
-            more = forecast(analysis, halves, self._wanted, elapsed, self._limit - elapsed)
+            left = self._limit - elapsed
+            more = forecast(analysis, self._history, self._wanted, left)
         return Finding(f"{text}: {more}", False)
 
     def _signals(self) -> Signals:
@@ -113,16 +119,20 @@ def half_width(analysis: Analysis | None, part: str) -> float:
 
 def forecast(
     analysis: Analysis | None,
-    halves: Mapping[str, float],
+    history: Sequence[tuple[float, Mapping[str, float]]],
     wanted: WantedPrecision,
-    elapsed: float,
     left: float,
 ) -> str:
     """Return how long the same motion takes until the wanted precision, as text.
 
     The part of an interval that results from noise decreases with the square root of the time. The
-    part of the errors of lag and lost motion between encoder and tip does not decrease.
+    part of the errors of lag and lost motion between encoder and tip, and of the choice of the
+    model, does not decrease.
+
+    `history` has the times since arming [s] and the half widths of the latest evaluations, and
+    `left` is the time until the time limit [s].
     """
+    elapsed, halves = history[-1]
     times = []
     for part, most in wanted.parts.items():
         half, least = halves[part], permanent(analysis, part)
@@ -133,11 +143,26 @@ def forecast(
                 f"not reachable by this motion, lag and lost motion alone give {part} "
                 f"{half_width_text(least)}"
             )
-        noise = max(half**2 - least**2, 0.0)
-        times.append(elapsed * (noise / (most**2 - least**2) - 1.0))
+        approached = max(least, limit_of([(t, one[part]) for t, one in history]))
+        if approached >= most:
+            return f"not expected with this motion, {part} approaches {half_width_text(approached)}"
+        noise = max(half**2 - approached**2, 0.0)
+        times.append(elapsed * (noise / (most**2 - approached**2) - 1.0))
     more = max(*times, 0.1)
     beyond = f", and {max(left, 0.0):.2g} s are left" if more > left else ""
     return f"about {more:.2g} s more{beyond}"
+
+
+def limit_of(history: Sequence[tuple[float, float]]) -> float:
+    """Return the half width that the evaluations approach: h^2 = a / t + c with c >= 0.
+
+    The result is 0 if there are fewer than `FEWEST` evaluations with a half width.
+    """
+    known = np.array([(1.0 / t, half**2) for t, half in history if math.isfinite(half)])
+    if len(known) < FEWEST:
+        return 0.0
+    _, limit = np.polyfit(known[:, 0], known[:, 1], 1)
+    return math.sqrt(min(max(float(limit), 0.0), float(known[-1, 1])))
 
 
 def permanent(analysis: Analysis | None, part: str) -> float:

@@ -80,15 +80,24 @@ def test_a_wrong_precision_is_one_line(capsys):
 
 
 def test_the_forecast_is_that_of_an_interval_which_shrinks_with_the_root_of_the_time():
-    halves, wanted = {"k": 0.01, "b": 0.2}, WantedPrecision(k=0.02, b=0.1)
-    assert forecast(None, halves, wanted, 2.0, 10.0) == "about 6 s more"
-    assert forecast(None, halves, wanted, 2.0, 4.0) == "about 6 s more, and 4 s are left"
-    assert forecast(None, {"k": math.nan, "b": 0.2}, wanted, 2.0, 4.0) == "not known yet"
+    history, wanted = [(2.0, {"k": 0.01, "b": 0.2})], WantedPrecision(k=0.02, b=0.1)
+    assert forecast(None, history, wanted, 10.0) == "about 6 s more"
+    assert forecast(None, history, wanted, 4.0) == "about 6 s more, and 4 s are left"
+    assert forecast(None, [(2.0, {"k": math.nan, "b": 0.2})], wanted, 4.0) == "not known yet"
+
+
+def test_an_interval_that_hardly_shrinks_is_not_promised_to_become_narrow():
+    times, wanted = np.arange(1.0, 8.0), WantedPrecision(b=0.01)
+    shrinks = [(t, {"b": 0.08 / math.sqrt(t)}) for t in times]
+    assert forecast(None, shrinks, wanted, 100.0) == "about 57 s more"
+    stays = [(t, {"b": math.hypot(0.08 / math.sqrt(t), 0.02)}) for t in times]
+    text = "not expected with this motion, b approaches ± 2.0 %"
+    assert forecast(None, stays, wanted, 100.0) == text
 
 
 def test_a_precision_beyond_the_errors_of_the_transmission_is_not_promised(monkeypatch):
     monkeypatch.setattr("teleop.trial.precision_watch.permanent", lambda analysis, part: 0.15)
-    text = forecast(None, {"b": 0.2}, WantedPrecision(b=0.1), 2.0, 10.0)
+    text = forecast(None, [(2.0, {"b": 0.2})], WantedPrecision(b=0.1), 10.0)
     assert text == "not reachable by this motion, lag and lost motion alone give b ± 15 %"
 
 
