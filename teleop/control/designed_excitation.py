@@ -201,9 +201,15 @@ class DesignedInjector(Injector):
         """Largest displacement so far [m], and largest contact force [N]."""
         self.note = f"pilot: {pilot.text}"
 
-    def path(self, t: float) -> Derivatives:
-        """Return the displacement of the master before the ramps at start and end [m]."""
-        return Derivatives._make(value / self._scale for value in self._path.at(t))
+    def motion(self, t: float) -> Derivatives:
+        """Return the motion of the master with which the slave follows the chosen motion [m]."""
+        ramp, ramp_rate, ramp_acceleration = self.ramp(t)
+        x, v, a = self._path.at(t)
+        return Derivatives(
+            ramp * x / self._scale,
+            (ramp_rate * x + ramp * v) / self._scale,
+            (ramp_acceleration * x + 2.0 * ramp_rate * v + ramp * a) / self._scale,
+        )
 
     def observe(self, t: float, measurement: Measurement) -> None:
         """Process the measurement at the time t [s], and choose the motion if this is due."""

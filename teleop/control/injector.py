@@ -41,7 +41,7 @@ class Injector:
     Parameters
     ----------
     signal
-        The excitation signal s(t); None if a derived class defines `path`.
+        The excitation signal s(t); None if a derived class defines `motion`.
     depth
         Largest displacement of the slave [m], > 0.
     admittance
@@ -90,26 +90,28 @@ class Injector:
         self._duration = duration
         self._ramp = ramp_time(duration, ramp)
 
-    def motion(self, t: float) -> Derivatives:
-        """Return the motion of the master with which the slave follows the signal [m]."""
+    def ramp(self, t: float) -> Derivatives:
+        """Return the factor of the displacement at start and end, with its derivatives."""
         in_out, sign = (t, 1.0) if 2.0 * t < self._duration else (self._duration - t, -1.0)
         u = min(max(in_out / self._ramp, 0.0), 1.0)
-        ramp = u**3 * (10.0 - 15.0 * u + 6.0 * u * u)
-        ramp_rate = sign * 30.0 * u * u * (1.0 - u) ** 2 / self._ramp
-        ramp_acceleration = 60.0 * u * (1.0 - u) * (1.0 - 2.0 * u) / self._ramp**2
-        offset, rate, acceleration = self.path(t)
         return Derivatives(
-            ramp * offset,
-            ramp_rate * offset + ramp * rate,
-            ramp_acceleration * offset + 2.0 * ramp_rate * rate + ramp * acceleration,
+            u**3 * (10.0 - 15.0 * u + 6.0 * u * u),
+            sign * 30.0 * u * u * (1.0 - u) ** 2 / self._ramp,
+            60.0 * u * (1.0 - u) * (1.0 - 2.0 * u) / self._ramp**2,
         )
 
-    def path(self, t: float) -> Derivatives:
-        """Return the displacement of the master without the ramps at start and end [m]."""
+    def motion(self, t: float) -> Derivatives:
+        """Return the motion of the master with which the slave follows the signal [m]."""
+        ramp, ramp_rate, ramp_acceleration = self.ramp(t)
         assert self._signal
-        signal, half = self._signal.at(t), self._half
+        signal = self._signal.at(t)
+        offset = self._mean + self._half * signal.value
         return Derivatives(
-            self._mean + half * signal.value, half * signal.rate, half * signal.acceleration
+            ramp * offset,
+            ramp_rate * offset + ramp * self._half * signal.rate,
+            ramp_acceleration * offset
+            + 2.0 * ramp_rate * self._half * signal.rate
+            + ramp * self._half * signal.acceleration,
         )
 
     def observe(self, t: float, measurement: Measurement) -> None:
