@@ -76,7 +76,12 @@ class Outputs:
             in_loop = settings.clock == "virtual"
             kind = PrecisionInLoop if in_loop else PrecisionProcess
             self._precision = kind(
-                settings.until, layout, self._metadata, settings.duration, self.sinks
+                settings.until,
+                layout,
+                self._metadata,
+                settings.duration,
+                settings.loop_rate,
+                self.sinks,
             )
         self.outcome = Outcome(None, 0, 0, "")
         self.black_box: Path | None = None

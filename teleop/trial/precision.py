@@ -7,12 +7,13 @@ In real time, another process evaluates it: even a thread would delay the loop.
 from __future__ import annotations
 
 import contextlib
+import os
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from teleop.control.wanted_precision import WantedPrecision
 from teleop.errors import InputError, reason
-from teleop.live.ring import SLOTS, RingWriter, ring_size
+from teleop.live.ring import RingWriter, ring_size
 from teleop.live.shared_file import SharedFile
 from teleop.recording.columns import Layout
 from teleop.recording.message import TIME
@@ -27,6 +28,8 @@ if TYPE_CHECKING:
 
 SOURCE = "precision"
 """Source of the events that state the precision."""
+STORED = 5.0
+"""Time for which the ring buffer stores ticks, while the process evaluates the earlier ones [s]."""
 POLL = 50
 """Number of ticks between two looks for an answer of the process that evaluates."""
 
@@ -43,6 +46,7 @@ class Precision(Sink):
         layout: Layout,
         metadata: dict[str, dict[str, str]],
         duration: float,
+        rate: float,
         sinks: Sequence[Sink],
     ) -> None:
         self._session: dict[str, Any] = {
@@ -112,15 +116,19 @@ class PrecisionProcess(Precision):
         layout: Layout,
         metadata: dict[str, dict[str, str]],
         duration: float,
+        rate: float,
         sinks: Sequence[Sink],
     ) -> None:
-        super().__init__(wanted, layout, metadata, duration, sinks)
+        super().__init__(wanted, layout, metadata, duration, rate, sinks)
+        if os.name != "posix":
+            raise InputError("until: expected Linux or macOS, or clock virtual")
+        size = round(STORED * rate), layout.size
         try:
-            self._file = SharedFile.create(ring_size(SLOTS, layout.size))
+            self._file = SharedFile.create(ring_size(*size))
         except OSError as error:
             raise InputError(f"until: no memory for the ticks: {reason(error)}") from error
-        self._ring = RingWriter(self._file.buffer, SLOTS, layout.size)
-        self._session |= {"file": str(self._file.path), "ring": (SLOTS, layout.size)}
+        self._ring = RingWriter(self._file.buffer, *size)
+        self._session |= {"file": str(self._file.path), "ring": size}
         try:
             self._process = ChildProcess("teleop.trial.precision_process", "until")
         except InputError:

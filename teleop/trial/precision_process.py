@@ -51,11 +51,12 @@ class Evaluation:
         found, slots = self._ring.read(range(first, end))
         if not found:
             return None
-        self._read = found[-1]
+        # the ring is read from its oldest tick on, so that ticks are missing only before the first
+        is_after_gap, self._read = found[0] > self._read + 1 > 1, found[-1]
         size = int(slots["length"][0])
         messages = np.ascontiguousarray(slots["message"][:, :size]).tobytes()
         ticks = from_messages(self._session["definition"], messages, [], {})
-        self._watch.add(ticks.columns)
+        self._watch.add(ticks.columns, is_after_gap)
         t = float(ticks["time"][-1])
         return self._watch.evaluate(t)._asdict() if self._watch.is_due(t) else None
 

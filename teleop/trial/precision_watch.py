@@ -55,13 +55,16 @@ class PrecisionWatch:
         self._armed = next(e["time"] for e in trial.events if e["mode"] == "active")
         self._limit = duration
         self._sections = Sections()
+        self._gap_ends: list[float] = []
         self._due = self._armed + FIRST
         self._is_confirmed = False
         self._reached = False
         self._history: deque[tuple[float, dict[str, float]]] = deque(maxlen=REMEMBERED)
 
-    def add(self, columns: Mapping[str, Floats]) -> None:
-        """Add the columns of the next ticks."""
+    def add(self, columns: Mapping[str, Floats], is_after_gap: bool = False) -> None:
+        """Add the columns of the next ticks, before which ticks can be missing."""
+        if is_after_gap:
+            self._gap_ends.append(float(columns["time"][0]))
         # the estimates can be computed later than this: x is known when there is a pair
         self._sections.add(measured({**columns, "x": columns["paired_dt"]}))
 
@@ -94,7 +97,7 @@ class PrecisionWatch:
 
     def _signals(self) -> Signals:
         t, x, f, dt = self._sections.samples()
-        gaps = with_gaps(t, dt, (), self._sections.starts)
+        gaps = with_gaps(t, dt, self._gap_ends, self._sections.starts)
         return Signals(t, x, f, dt, "slave_position", gaps)
 
 

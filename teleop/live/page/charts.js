@@ -84,12 +84,13 @@ export function charts(welcome, trial, emphasis) {
       levels: levels([truth.b], TRUTH, "true"),
       robust: true,
     },
-    {
+    // recordings of earlier versions do not have the columns of this chart
+    ...(welcome.columns.length && !welcome.columns.some(({ name }) => name === "k_bound") ? [] : [{
       id: "expected", title: "possible ±", unit: "%", factor: 100, digits: 1, share: 0.5, scale: new Scale(2),
       traces: [line("k_bound", "text", "of k", 1.5), line("b_bound", "muted", "of b", 1.5, [4, 3])],
       levels: levels([welcome.thresholds.expected], THRESHOLD, "most for estimates"),
       most: 1.2 * welcome.thresholds.expected,
-    },
+    }]),
     { id: "axis", axis: true, traces: [], levels: [], factor: 1, scale: new Scale(1) },
   ];
 }

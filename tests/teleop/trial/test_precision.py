@@ -101,29 +101,48 @@ def test_a_precision_beyond_the_errors_of_the_transmission_is_not_promised(monke
     assert text == "not reachable by this motion, lag and lost motion alone give b ± 15 %"
 
 
-def test_the_process_for_real_time_gives_the_findings_of_the_loop(trial):
-    recording = trial.recording
-    names = list(recording.columns)
-    definition = definition_of((name, "-", "value") for name in names)
+@pytest.fixture
+def process(trial):
+    """The evaluation of the process for real time, the ring buffer, and the ticks of the trial."""
+    recording, names = trial.recording, list(trial.recording.columns)
     size = 4 + 8 * len(names)
     buffer = bytearray(ring_size(SLOTS, size))
-    ring = RingWriter(buffer, SLOTS, size)
     session = {
         "wanted": SETTINGS.until.text,
-        "definition": definition,
+        "definition": definition_of((name, "-", "value") for name in names),
         "metadata": {"settings": {"json": json.dumps(recording.settings)}},
         "duration": SETTINGS.duration,
     }
     evaluation = Evaluation(session, RingReader(buffer, SLOTS, size))
     evaluation.receive({"armed": trial.armed})
+    values = np.column_stack([recording[name] for name in names]).astype("<f8")
+    return evaluation, RingWriter(buffer, SLOTS, size), values
+
+
+def test_the_process_for_real_time_gives_the_findings_of_the_loop(trial, process):
+    evaluation, ring, values = process
     expected, found = notes(trial), []
     due = [t for t, _ in expected]
-    values = np.column_stack([recording[name] for name in names])
     for row in values:
-        ring.write(b"\0\1\0\0" + row.astype("<f8").tobytes())
+        ring.write(b"\0\1\0\0" + row.tobytes())
         if row[0] in due:
             found.append(evaluation.advance()["text"])
     assert [f"{SETTINGS.until.text}: {text}" for text in found] == [text for _, text in expected]
+
+
+def test_ticks_that_the_process_missed_are_a_gap_and_no_jump_of_the_motion(process):
+    evaluation, ring, values = process
+    for row in values[:1200]:
+        ring.write(b"\0\1\0\0" + row.tobytes())
+    evaluation.advance()
+    ring.newest += 97  # as if the writer had overwritten these ticks
+    for row in values[1297:1700]:
+        ring.write(b"\0\1\0\0" + row.tobytes())
+    evaluation.advance()
+    signals = evaluation._watch._signals()
+    (gap,) = signals.gaps
+    assert signals.t[gap] == values[1297, 0]
+    assert signals.dt[gap] == pytest.approx(0.098)
 
 
 @pytest.mark.real_time
