@@ -132,10 +132,9 @@ class Transition:
 
     def phase(self, t: float) -> float:
         """Return the phase at the time t [s], in [0, 2 pi)."""
-        span, before, change = self._duration, self._before.omega, 0.0
-        change = self.after.omega - before
-        elapsed = t - self._start
-        u = min(elapsed / span, 1.0)
+        span, before = self._duration, self._before.omega
+        change, elapsed = self.after.omega - before, t - self._start
+        u = min(max(elapsed / span, 0.0), 1.0)
         integral = span * u**4 * (2.5 - 3.0 * u + u * u) + max(elapsed - span, 0.0)
         return (self._phase + before * elapsed + change * integral) % (2.0 * math.pi)
 
