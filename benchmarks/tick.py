@@ -99,7 +99,7 @@ class Probes:
         self._probe(controller_module, "supervise", "supervision")
         self._probe(parts._rig, "write", "command the drives")
         self._probe(parts._alignment, "update", "alignment")
-        for name in ("_estimation", "_conditioner", "_bank", "_misfit", "_excitation"):
+        for name in ("_estimation", "_conditioner", "_bank", "_misfit", "_expected"):
             if hasattr(parts, name):
                 self._probe(getattr(parts, name), "update", "estimation")
         self._probe(loop._layout, "pack", "packing")

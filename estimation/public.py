@@ -11,7 +11,7 @@ from estimation.conditioning import (
     StateVariableFilter,
 )
 from estimation.estimator import Estimate, Estimates, Estimator
-from estimation.excitation import Excitation
+from estimation.expected_intervals import ExpectedHalfWidths, ExpectedIntervals
 from estimation.gate import Gate, GateSettings
 from estimation.identification import Identification, identify
 from estimation.methods.adaptive_identification import AdaptiveIdentification
@@ -37,7 +37,8 @@ __all__ = [
     "Estimate",
     "Estimates",
     "Estimator",
-    "Excitation",
+    "ExpectedHalfWidths",
+    "ExpectedIntervals",
     "FilteredDifference",
     "FirstOrderAdaptiveWindowing",
     "Fit",

@@ -29,7 +29,7 @@ class OutputOptions:
     no_record: bool = False
     """Do not record."""
     details: bool = False
-    """Also print averages of the estimators, true values, excitation, and timing of the loop."""
+    """Also print averages of the estimators, true values, expected intervals, and loop timing."""
     plot: Path | None = None
     """Plot the estimates to this .png, .svg or .pdf file."""
     plot_force: Path | None = None

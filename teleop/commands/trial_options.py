@@ -58,6 +58,9 @@ class TrialOptions:
     """Notes, for the recording."""
     duration: Seconds | None = None
     """Duration of the trial [s]. Default: 10."""
+    until: str | None = None
+    """End the trial when the 95 % intervals of the result are narrow enough, such as k=2%,b=10%, or
+    after the duration. Default: the trial has the full duration."""
     clock: ClockName | None = None
     """real: the trial runs in real time. virtual: the trial runs as fast as possible, with exactly
     the same result for the same seed. Default: real."""
@@ -72,12 +75,13 @@ class TrialOptions:
     """Sampling rate of the control loop [Hz]. Default: the rate in the rig file, or 1000."""
     signal: Annotated[str | None, Parameter(group=CONTROL)] = None
     """Excitation signal of the autonomous condition: sine, multisine, chirp, ramp-hold, or the name
-    of a signal of another package, see `teleop list signals`. Default: sine."""
+    of a signal of another package, see `teleop list signals`. designed: frequency, amplitude and
+    mean depth are chosen during the trial, so that k and b become precise soon. Default: sine."""
     frequency: Annotated[Hertz | None, Parameter(group=CONTROL)] = None
     """Frequency of the excitation signal, or of the sine that the operator follows in mimic [Hz].
     For a multisine, it is the lowest of five harmonics; for a chirp over two octaves, the lowest
-    frequency; for ramp-hold, that of the repetition, of which a half is the hold. Default: 1 in
-    mimic, 2 otherwise."""
+    frequency; for ramp-hold, that of the repetition, of which a half is the hold; for designed, the
+    highest that may be chosen. Default: 1 in mimic, 4 for designed, 2 otherwise."""
     link: Annotated[str | None, Parameter(group=CONTROL)] = None
     """Name of a link of another package, which computes the velocities of master and slave in place
     of admittance and coupling, see `teleop list links`. Default: none."""
@@ -113,7 +117,9 @@ class TrialOptions:
         from teleop.commands.part_options import chosen_parts, with_parameters
         from teleop.control.channel import parse_channel
         from teleop.control.conditions import CONDITIONS
+        from teleop.control.excitation_signals import Designed
         from teleop.control.tare import read_tare
+        from teleop.control.wanted_precision import parse_wanted
         from teleop.errors import InputError, as_input_error
         from teleop.settings.configuration import read_configuration
         from teleop.settings.plug_ins import PARTS, is_rig_file
@@ -147,8 +153,14 @@ class TrialOptions:
         elif self.signal or self.frequency is not None:
             condition = given.get("condition", settings.condition)
             usual = CONDITIONS[condition].default_frequency
+            kind = self.signal or settings.excitation.kind
+            if kind == "designed":
+                usual = Designed.highest
             frequency = usual if self.frequency is None else self.frequency
-            given["signal"] = make_signal(self.signal or settings.excitation.kind, frequency)
+            given["signal"] = make_signal(kind, frequency)
+        with as_input_error():
+            if self.until:
+                given["until"] = parse_wanted(self.until)
         if self.coupling:
             given["coupling"] = make_coupling(self.coupling)
         if self.feedback:
@@ -186,7 +198,7 @@ DEFAULTS = TrialOptions()
 
 def make_signal(name: str, frequency: float) -> AnySignal:
     """The signal of a kind and lowest frequency [Hz]; InputError for a wrong frequency."""
-    from teleop.control.excitation_signals import Chirp, Multisine, RampHold, Sine
+    from teleop.control.excitation_signals import Chirp, Designed, Multisine, RampHold, Sine
     from teleop.errors import InputError
 
     try:
@@ -197,6 +209,8 @@ def make_signal(name: str, frequency: float) -> AnySignal:
                 return Multisine(tuple(frequency * harmonic for harmonic in range(1, 6)))
             case "chirp":
                 return Chirp(frequency, 4.0 * frequency)
+            case "designed":
+                return Designed(frequency)
             case _:  # ramp-hold
                 period = 1.0 / Sine(frequency).frequency
                 return RampHold(0.05 * period, 0.5 * period, 0.4 * period)

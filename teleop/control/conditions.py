@@ -9,13 +9,15 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
 from drivers import Measurement
 from estimation.transmission import RIGID, TransmissionCalibration
 from teleop.control.admittance import AdmittanceParameters
-from teleop.control.excitation_signals import Signal
+from teleop.control.designed_excitation import Design, DesignedInjector
+from teleop.control.excitation_signals import Designed, Signal
 from teleop.control.injector import Injector, ramp_time
 from teleop.control.target import Target
 
@@ -24,7 +26,7 @@ from teleop.control.target import Target
 class IntendedMotion:
     """Settings of a trial that determine the intended motion of the slave."""
 
-    signal: Signal
+    signal: Signal | Designed
     depth: float
     """Largest displacement of the slave [m]."""
     count_in: float
@@ -38,6 +40,8 @@ class IntendedMotion:
     """Known lost motion and compliance between the encoder and the tip of the slave."""
     resolution: float = 0.0
     """Smallest change of position that the encoder of the slave measures [m]."""
+    design: Callable[[], Design] | None = None
+    """Returns what the choice of an excitation during the trial needs to know."""
 
 
 class Condition(ABC):
@@ -51,11 +55,14 @@ class Condition(ABC):
     """Instruction to the person, shown on the live page while the drives are active."""
     moved_by: ClassVar[Literal["hand", "injector"]] = "hand"
     """What moves the master. With `injector`, nobody holds the handle."""
-    signal_kinds: ClassVar[tuple[str, ...]] = ()
-    """Kinds of excitation signal that the condition accepts; empty if it accepts all."""
+    signal_kinds: ClassVar[tuple[str, ...]] = ("sine", "multisine", "chirp", "ramp-hold")
+    """Kinds of excitation signal that the condition accepts. A condition that accepts all of these
+    also accepts signals of other packages."""
     default_frequency: ClassVar[float] = 2.0
     """Frequency of the sine if the settings have no signal [Hz]."""
 
+    note = ""
+    """Latest statement about the motion, which is shown and recorded."""
     finished = False
     """Whether the condition has finished. The trial then ends, even before its full duration."""
     ending = ""
@@ -164,12 +171,22 @@ class Autonomous(Condition):
 
     instruction = "the controller moves the slave; leave the handle free"
     moved_by = "injector"
+    signal_kinds = (*Condition.signal_kinds, "designed")
 
     def prepare(self, motion: IntendedMotion) -> None:
         """Create the injector for the signal of this trial."""
-        self._injector = Injector(
-            motion.signal, motion.depth, motion.admittance, motion.scale, motion.duration
-        )
+        signal, admittance, scale = motion.signal, motion.admittance, motion.scale
+        self._injector: Injector | DesignedInjector
+        if isinstance(signal, Designed):
+            assert motion.design
+            self._injector = DesignedInjector(motion.design(), admittance, scale, motion.duration)
+        else:
+            self._injector = Injector(signal, motion.depth, admittance, scale, motion.duration)
+
+    @property
+    def note(self) -> str:  # type: ignore[override]
+        """Latest choice of a designed excitation; empty for another signal."""
+        return self._injector.note
 
     def motion_texts(self, motion: IntendedMotion) -> dict[str, str]:
         """Return descriptions of the depth and of the excitation signal."""
@@ -183,6 +200,7 @@ class Autonomous(Condition):
 
     def drive_force(self, t: float, measurement: Measurement) -> float:
         """Return the force [N] with which the slave follows the excitation signal."""
+        self._injector.observe(t, measurement)
         return self._injector.force(t)
 
 

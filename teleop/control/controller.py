@@ -19,6 +19,7 @@ from teleop.control.rig_values import command_of, measurement_of
 from teleop.control.tare import NO_TARE, Tare
 from teleop.control.tick_record import Record, Timing
 from teleop.safety import (
+    Event,
     Fault,
     Limits,
     Mode,
@@ -30,7 +31,7 @@ from teleop.safety import (
 )
 from teleop.safety import rearm as rearmed
 from teleop.safety.channels import DetectedFault
-from teleop.safety.events import ACTIVE, STOPPING
+from teleop.safety.events import ACTIVE, EXCITATION, STOPPING
 from teleop.safety.state import NO_REQUEST
 
 NO_PAIR = Pair(math.nan, math.nan, math.nan)
@@ -84,6 +85,8 @@ class Controller:
         self._silent = False
         self._phase = math.nan
         self._faults: list[DetectedFault] = []
+        self._note = ""
+        """Latest note of the condition that became an event."""
         self.finished = False
         """Whether the control condition has finished, so that the trial ends."""
         self.error: Exception | None = None
@@ -158,6 +161,9 @@ class Controller:
             except BaseException as error:
                 self._fail(Fault.ESTIMATION_FAILURE, error, measurement.time)
         events = verdict.events
+        if mode is ACTIVE and self._condition.note != self._note:
+            self._note = self._condition.note
+            events += (Event(measurement.time, mode, self._note, source=EXCITATION),)
         if events:
             start = self._start
             events = tuple(e._replace(time=e.time - start, since=e.since - start) for e in events)

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from estimation import Bank, Conditioner, Estimate, Excitation, Misfit
+from estimation import Bank, Conditioner, Estimate, ExpectedIntervals, Misfit
 from estimation.arrays import Floats
 from estimation.estimate_columns import estimate_arrays, estimate_row
 from teleop.control.alignment import Pair
@@ -29,8 +29,11 @@ class Estimated(NamedTuple):
     """Velocity passed to the estimators [m/s]."""
     f: float
     """Force passed to the estimators [N]."""
-    excitation: float
-    """Measure of the excitation: 0 for no excitation, 1 for a sine of 1 Hz about x = 0."""
+    k_bound: float
+    """Half width of the 95 % interval of k that motion and noise permit, as a fraction of k; NaN
+    until it is known."""
+    b_bound: float
+    """The same of b."""
     contact: float
     """1 if the contact gate detects contact, else 0;
     NaN if the estimators have no contact gate."""
@@ -49,7 +52,8 @@ class EstimatedSeries(NamedTuple):
     x: Floats
     v: Floats
     f: Floats
-    excitation: Floats
+    k_bound: Floats
+    b_bound: Floats
     contact: Floats
     estimates: tuple[Floats, ...]
 
@@ -57,8 +61,8 @@ class EstimatedSeries(NamedTuple):
 class Estimation:
     """Updates the estimators with the pairs of slave position and contact force of a trial.
 
-    Two more quantities are computed: the excitation (a measure of how well k and b can be
-    identified) and the misfit of each estimator (the systematic part of its force error).
+    Two more quantities are computed: the 95 % intervals of k and b that motion and noise permit,
+    and the misfit of each estimator (the systematic part of its force error).
 
     Parameters
     ----------
@@ -76,7 +80,7 @@ class Estimation:
     def __init__(self, conditioner: Conditioner, bank: Bank) -> None:
         self._conditioner = conditioner
         self._bank = bank
-        self._excitation = Excitation()
+        self._expected = ExpectedIntervals()
         self._misfit = Misfit(bank)
         nan = math.nan
         further = max(len(e.model.further) for e in bank.values())
@@ -85,20 +89,20 @@ class Estimation:
             for name, e in bank.items()
         }
         row = ((nan,) * further, estimate_row(estimates), (nan,) * len(bank))
-        self.unknown = Estimated(nan, nan, nan, nan, nan, tuple(chain(*row)))
+        self.unknown = Estimated(nan, nan, nan, nan, nan, nan, tuple(chain(*row)))
 
     def update(self, pair: Pair) -> Estimated:
         """Process one pair of slave position and contact force, and return the results."""
         bank, dt = self._bank, pair.dt
         x, v, f, further = self._conditioner.update(*pair)
         estimates = bank.update(x, v, f, dt, further)
-        excitation = self._excitation.update(x, v, dt)
         is_open, contact, gate = True, math.nan, bank.gate
         if gate:
             contact, is_open = float(gate.contact), gate.is_open
+        expected = self._expected.update(x, v, f, dt, is_open)
         misfit = self._misfit.update(x, v, f, dt, further, estimates, is_open)
         row = (*further, *estimate_row(estimates), *misfit)
-        return Estimated(x, v, f, excitation, contact, row)
+        return Estimated(x, v, f, *expected, contact, row)
 
     def run(self, position: Floats, force: Floats, dt: Floats) -> EstimatedSeries:
         """Process n pairs of slave position and contact force, and return all results.
@@ -111,9 +115,9 @@ class Estimation:
         regression = self._conditioner.run(position, force, dt)
         x, v, f, dt, further = regression
         estimates = bank.run(*regression)
-        excitation = self._excitation.run(x, v, dt)
+        expected = self._expected.run(x, v, f, dt, bank.opened)
         gate = bank.gate
         contact = gate.contacts.astype(np.float64) if gate else np.full(len(x), np.nan)
         misfit = self._misfit.run(regression, estimates, bank.opened)
         columns = (*further.T, *estimate_arrays(estimates), *misfit.values())
-        return EstimatedSeries(x, v, f, excitation, contact, columns)
+        return EstimatedSeries(x, v, f, *expected, contact, columns)

@@ -239,12 +239,37 @@ class RampHold(Signal):
         )
 
 
-AnySignal = Sine | Multisine | Chirp | RampHold
+@dataclass(frozen=True)
+class Designed:
+    """An excitation that is chosen while it runs (`teleop.control.designed_excitation`).
+
+    Raises
+    ------
+    ValueError
+        The frequency is not positive.
+    """
+
+    highest: float = 4.0
+    """Highest frequency that may be chosen [Hz], > 0."""
+    kind: Literal["designed"] = "designed"
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.highest < math.inf:
+            raise ValueError(f"highest frequency must be positive, got {self.highest}")
+
+    @property
+    def text(self) -> str:
+        """Short description: kind and highest frequency."""
+        return f"designed during the trial, up to {self.highest:g} Hz"
+
+
+AnySignal = Sine | Multisine | Chirp | RampHold | Designed
 """Types of excitation signal that a trial can have in its settings."""
-SIGNALS: dict[str, type[Signal]] = {
+SIGNALS: dict[str, type[Signal] | type[Designed]] = {
     "sine": Sine,
     "multisine": Multisine,
     "chirp": Chirp,
     "ramp-hold": RampHold,
+    "designed": Designed,
 }
 """Excitation signals by their kind in the settings."""

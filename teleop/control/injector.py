@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 
+from drivers import Measurement
 from teleop.control.admittance import AdmittanceParameters
 from teleop.control.excitation_signals import Derivatives, Signal
 
@@ -40,7 +41,7 @@ class Injector:
     Parameters
     ----------
     signal
-        The excitation signal s(t).
+        The excitation signal s(t); None if a derived class defines `motion`.
     depth
         Largest displacement of the slave [m], > 0.
     admittance
@@ -61,9 +62,12 @@ class Injector:
         A parameter is out of its range.
     """
 
+    note = ""
+    """Latest statement about the motion, for the person."""
+
     def __init__(
         self,
-        signal: Signal,
+        signal: Signal | None,
         depth: float,
         admittance: AdmittanceParameters,
         scale: float,
@@ -86,13 +90,20 @@ class Injector:
         self._duration = duration
         self._ramp = ramp_time(duration, ramp)
 
-    def motion(self, t: float) -> Derivatives:
-        """Return the motion of the master with which the slave follows the signal [m]."""
+    def ramp(self, t: float) -> Derivatives:
+        """Return the factor of the displacement at start and end, with its derivatives."""
         in_out, sign = (t, 1.0) if 2.0 * t < self._duration else (self._duration - t, -1.0)
         u = min(max(in_out / self._ramp, 0.0), 1.0)
-        ramp = u**3 * (10.0 - 15.0 * u + 6.0 * u * u)
-        ramp_rate = sign * 30.0 * u * u * (1.0 - u) ** 2 / self._ramp
-        ramp_acceleration = 60.0 * u * (1.0 - u) * (1.0 - 2.0 * u) / self._ramp**2
+        return Derivatives(
+            u**3 * (10.0 - 15.0 * u + 6.0 * u * u),
+            sign * 30.0 * u * u * (1.0 - u) ** 2 / self._ramp,
+            60.0 * u * (1.0 - u) * (1.0 - 2.0 * u) / self._ramp**2,
+        )
+
+    def motion(self, t: float) -> Derivatives:
+        """Return the motion of the master with which the slave follows the signal [m]."""
+        ramp, ramp_rate, ramp_acceleration = self.ramp(t)
+        assert self._signal
         signal = self._signal.at(t)
         offset = self._mean + self._half * signal.value
         return Derivatives(
@@ -102,6 +113,9 @@ class Injector:
             + 2.0 * ramp_rate * self._half * signal.rate
             + ramp * self._half * signal.acceleration,
         )
+
+    def observe(self, t: float, measurement: Measurement) -> None:
+        """Process the measurement at the time t [s]. A known signal does not depend on it."""
 
     def force(self, t: float) -> float:
         """Return the force [N] that moves the virtual mass along the signal."""

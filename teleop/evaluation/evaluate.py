@@ -10,7 +10,7 @@ import numpy as np
 
 from estimation import (
     Bank,
-    Excitation,
+    ExpectedIntervals,
     Fit,
     Misfit,
     Preset,
@@ -84,10 +84,7 @@ def evaluate(
 
     # The batch evaluation comes first: the online estimators get from it the datum, the bandwidth,
     # and the times without contact, in which they hold their estimates.
-    with as_input_error():
-        batch = within(at_tip.signals, settings.averaged)
-        known = transmission if transmission.force_lag else stated_lag(transmission, lag)
-        analysis = analyse(batch, known)
+    batch, analysis = analysed(at_tip.signals, lag, settings)
     datum = find_datum(signals, settings.datum, analysis.phases)
     frequency, highest = motion_frequencies(analysis, signals, motion)
     bandwidth = settings.bandwidth
@@ -133,7 +130,7 @@ def evaluate(
     run = OnlineRun(
         bank,
         Misfit(bank) if given else Misfit(bank, 1.0 / frequency),
-        Excitation(frequency, resolution=10.0 * resolution),
+        ExpectedIntervals(bandwidth),
         comparisons(bank, regression, fit),
         period,
         samples.count,
@@ -181,6 +178,22 @@ def evaluate(
         gaps=tuple(gap for gap in gaps if gap[0] > -math.inf),
         averaged=settings.averaged,
     )
+
+
+def batch_analysis(signals: Signals, settings: EstimateSettings) -> Analysis:
+    """Return the batch evaluation of a record, which `evaluate` contains; InputError as there."""
+    samples, lag, _ = with_known_lag(signals, known_lag(settings))
+    check_changes(samples.signals)
+    at_tip = without_lost_motion(samples, settings.transmission.lost_motion)
+    return analysed(at_tip.signals, lag, settings)[1]
+
+
+def analysed(at_tip: Signals, lag: float, settings: EstimateSettings) -> tuple[Signals, Analysis]:
+    """Return the analysed part of the signals without lost motion, and its batch evaluation."""
+    known = settings.transmission
+    with as_input_error():
+        batch = within(at_tip, settings.averaged)
+        return batch, analyse(batch, known if known.force_lag else stated_lag(known, lag))
 
 
 def with_known_lag(

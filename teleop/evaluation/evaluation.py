@@ -7,8 +7,6 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from estimation import (
     Bank,
     Estimates,
@@ -18,7 +16,7 @@ from estimation import (
 )
 from estimation.arrays import Floats
 from estimation.batch_models import BatchFit
-from estimation.excitation import LEAST_EXCITATION
+from estimation.expected_intervals import LARGEST_EXPECTED, half_width_text
 from estimation.presentation import Presented
 from estimation.stiffening import Interval
 from estimation.summary import EstimatorSummary
@@ -26,7 +24,7 @@ from teleop.evaluation.batch.analysis import Analysis
 from teleop.evaluation.online.conditioned import ConditionedSamples
 from teleop.evaluation.online.datum import Datum
 from teleop.evaluation.online.model_comparison import cost as sample_cost
-from teleop.evaluation.online.run import OnlineResult
+from teleop.evaluation.online.run import ExpectedSeries, OnlineResult
 from teleop.evaluation.online.thresholds import LEAST_KEPT_VARIANCE
 from teleop.evaluation.reason import Reason
 from teleop.evaluation.settings import WHOLE, AveragedPart
@@ -108,13 +106,13 @@ class Evaluation(Presented):
         return self.online.misfit
 
     @property
-    def excitation(self) -> Floats:
-        """Persistent excitation at each kept sample, from 0 to 1, shape (n,).
+    def expected(self) -> ExpectedSeries:
+        """Half widths of the 95 % intervals of k and b that motion and noise permit.
 
-        A value near 0, for example at rest, means that k and b cannot both be identified from the
-        motion. The value is near 1 for a sine about the datum (`estimation.excitation`).
+        Each has the shape (n,), and is a fraction of the value, from all samples until then
+        (`estimation.ExpectedIntervals`).
         """
-        return self.online.excitation
+        return self.online.expected_series
 
     def plot(self, width: str = "screen", title: str = "", truth: Truth | None = None) -> Figure:
         """Return a figure of the estimated stiffness and damping, and of the motion, over time.
@@ -175,10 +173,7 @@ class Evaluation(Presented):
             "bandwidth_hz": self.bandwidth,
             "memory_s": 0.5 / rate if (rate := self.preset.forgetting_rate) else math.inf,
             "left_out": self.averaged.left_out,
-            "excitation": {
-                "mean": self.online.mean_excitation,
-                "last": self.online.last_excitation,
-            },
+            "expected_intervals": self.online.expected._asdict(),
             "estimates": estimates,
             "least_squares": self.least_squares.summary(self.preset.model.further),
         }
@@ -210,12 +205,12 @@ class Evaluation(Presented):
         """
         result = self.analysis.result
         reasons, hints = list(result.reasons), list(result.hints)
-        excitation = float(np.percentile(self.excitation, 95))
-        if excitation < LEAST_EXCITATION:
-            reasons.append(
-                f"the excitation of the online estimators is {excitation:.1g} at most: below "
-                f"{LEAST_EXCITATION:g} they cannot separate b from k"
-            )
+        for part, half in self.online.expected._asdict().items():
+            if half > LARGEST_EXPECTED:
+                reasons.append(
+                    f"motion and noise do not determine {part}: its expected interval is "
+                    f"{half_width_text(half)}, and a larger or faster motion makes it narrower"
+                )
         if self.in_sections:
             reasons.append(
                 f"the record is long: result and models are those of {self.batch_samples} of "

@@ -8,7 +8,7 @@ from typing import Any
 
 from estimation.model import UNITS
 from teleop.live.history import History
-from teleop.safety.events import Fault
+from teleop.safety.events import Fault, is_note
 
 NAMES = (
     "time",
@@ -23,7 +23,8 @@ NAMES = (
     "x",
     "v",
     "f",
-    "excitation",
+    "k_bound",
+    "b_bound",
     "contact",
     "mode",
     "limited",
@@ -86,7 +87,8 @@ def events_document(events: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
             "fault": event.get("fault") not in no_faults,
         }
         for event in events
-        if event.get("fault") or event.get("mode") in MARKED
+        if event.get("fault")
+        or (event.get("mode") in MARKED and not is_note(None, event.get("source", "")))
     ]
     return {"type": "events", "events": marks[:MOST_EVENTS]}
 

@@ -113,6 +113,8 @@ class Progress:
         self._duration = duration
         self._hint = f"[{hint}]  " if hint else ""
         self._cue = cue
+        self.note = ""
+        """Latest note, such as the precision of the result so far."""
         self._largest_misfit = largest_misfit
         self._due = 0.0
         self._drawn = 0
@@ -135,6 +137,7 @@ class Progress:
         mode, target, position, estimates = status()
         line = f"{self._hint}{mode}  {max(t, 0.0):4.1f} of {self._duration:g} s"
         cue = f"  {self._cue.text(t, target, position)}" if self._cue else ""
+        cue += f"  {self.note}" if self.note else ""
         if estimates is None:
             room = (terminal_width() or PLAIN_WIDTH) - len(line + cue) - 1
             self._draw(line + cue + (NO_CONTACT if room >= len(NO_CONTACT) else ""))

@@ -19,7 +19,7 @@ from websockets.datastructures import Headers
 from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
 
-from estimation.excitation import LEAST_EXCITATION
+from estimation.expected_intervals import LARGEST_EXPECTED
 from estimation.misfit import LARGEST_MISFIT
 from estimation.quantities import RESULTS, SIGNALS
 from teleop.errors import InputError, reason
@@ -52,8 +52,9 @@ QUANTITIES = {
     for symbol, one in (RESULTS | SIGNALS).items()
 }
 """How the page shows the quantities, by symbol."""
-THRESHOLDS = {"excitation": LEAST_EXCITATION, "misfit": LARGEST_MISFIT}
-"""Least excitation that an estimate needs, and largest misfit of an estimate that can be used."""
+THRESHOLDS = {"expected": LARGEST_EXPECTED, "misfit": LARGEST_MISFIT}
+"""Largest expected half width, as a fraction of the value, and largest misfit of an estimate that
+can be used."""
 
 
 def read_pages() -> dict[str, Page]:

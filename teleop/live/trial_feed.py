@@ -19,7 +19,7 @@ from teleop.live.history import History, decimated, decimation
 from teleop.live.requests import ANSWERS, BadRequest
 from teleop.live.ring import RingReader
 from teleop.live.trust import JUDGED, Trust
-from teleop.safety.events import ACTIVE, READY, Fault, Mode
+from teleop.safety.events import ACTIVE, READY, Fault, Mode, is_note
 
 RECENT = 1.0
 """Length of the time window [s]. The live page shows the largest lateness within this window."""
@@ -113,6 +113,8 @@ class TrialFeed(Feed):
         self._by_person = False
         """Whether a person caused the first fault, with an emergency stop."""
         self._events_read: list[dict[str, Any]] = []
+        self._notes: dict[str, str] = {}
+        """Latest note of each source, such as the precision of the result so far."""
         """Events of the trial, with the texts that the page shows."""
         self._latest = 0.0
         self._offset = 0
@@ -188,6 +190,7 @@ class TrialFeed(Feed):
         by_page = self._begin.get("by_page", False)
         texts = [*self._faults[:1], self._text]
         texts.append(self._valid.get("trial", {}).get(TOLD.get(mode, ""), ""))
+        texts += self._notes.values()
         return {
             "mode": mode,
             "faulted": bool(self._faults),
@@ -284,6 +287,7 @@ class TrialFeed(Feed):
         self._column = {name: place for place, name in enumerate(names)}
         self._mode, self._running, self._faults, self._by_person = Mode.IDLE, True, [], False
         self._text = self._advice = ""
+        self._notes = {}
         self._events_read = []
         self._prompt = None
         self._latest = time.monotonic()
@@ -378,6 +382,9 @@ class TrialFeed(Feed):
                     text = STOPS.get(event["source"], text)
                 self._faults.append(text)
             self._events_read.append({**event, "text": text})
+            if is_note(event["fault"], event["source"]):
+                self._notes[event["source"]] = text
+                continue
             if event["mode"] == "active":
                 self._armed_at = event["time"]
             self._text = text if event["mode"] in ("idle", "stopping") else ""

@@ -10,7 +10,7 @@ import numpy as np
 
 from estimation.arrays import Floats
 from estimation.estimator import LEVEL_95
-from estimation.excitation import LEAST_EXCITATION
+from estimation.expected_intervals import LARGEST_EXPECTED
 from estimation.misfit import LARGEST_MISFIT
 from estimation.play_bank import HALF_WIDTHS, IndicatedPlay, indicated_play
 from estimation.play_bank import WINDOW as PLAY_WINDOW
@@ -52,7 +52,8 @@ class Shared(NamedTuple):
 
     contact: float
     """Share of the samples in contact; NaN if contact is not detected."""
-    excitation: float
+    expected: Mapping[str, float]
+    """Half widths of the 95 % intervals of k and b that motion and noise permit, as fractions."""
     moves_b: float | None
     """Time constant [s]: lag and lost motion reduce b by k times this time; None if unknown."""
     cause: str
@@ -113,16 +114,17 @@ class Trust:
         return float(np.max(values)) if len(values) else math.nan
 
     def _shared(self, rows: Floats) -> Shared:
-        contact, excitation = (self._median(rows, name) for name in ("contact", "excitation"))
+        contact = self._median(rows, "contact")
+        expected = {part: self._median(rows, f"{part}_bound") for part in PARTS}
         if self._transmission is None:
-            return Shared(contact, excitation, None, "", None)
+            return Shared(contact, expected, None, "", None)
         lag, lost = (self._transmission[name] for name in ("force_lag", "lost_motion"))
         speeds = np.abs(self._known(rows, "v"))
         # As in `TransmissionCalibration.damping_error`: mean |v| / mean v^2.
         square = float(np.mean(speeds**2)) if len(speeds) else 0.0
         per_speed = float(np.mean(speeds)) / square if square > 0.0 else 0.0
         cause = ", ".join(name for name, value in (("lag", lag), ("lost motion", lost)) if value)
-        return Shared(contact, excitation, lag + lost * per_speed, cause, None)
+        return Shared(contact, expected, lag + lost * per_speed, cause, None)
 
     def _play(self, rows: Floats) -> IndicatedPlay | None:
         """Return the lost motion that the force indicates; None without strong evidence."""
@@ -205,8 +207,8 @@ def judge(
         return NOT_YET, "no contact"
     if math.isnan(of[part]):
         return NOT_YET, "no estimate yet"
-    if not shared.excitation >= LEAST_EXCITATION:
-        return NOT_YET, f"excitation below {LEAST_EXCITATION:g}"
+    if not shared.expected[part] <= LARGEST_EXPECTED:
+        return NOT_YET, f"motion does not determine {part}"
     if of["held"] > 0.5:
         return NOT_YET, "estimate held"
     if shift:

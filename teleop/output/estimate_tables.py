@@ -8,6 +8,7 @@ from typing import Any
 
 from rich.console import Console
 
+from estimation.expected_intervals import half_width_text
 from estimation.misfit import LARGEST_MISFIT
 from estimation.quantities import DAMPING, FORCE_ERROR, RESULTS, STIFFNESS, Quantity
 from teleop.names import FORCE_SENSOR
@@ -286,7 +287,7 @@ def disagreement_lines(summary: Mapping[str, Any]) -> list[str]:
 
 
 def evaluation_lines(summary: Mapping[str, Any]) -> list[str]:
-    """Return lines that state samples, datum, filters, memory and excitation of the estimates."""
+    """Return lines that state samples, datum, filters and memory, and the expected intervals."""
     datum = summary["datum"]
     lag, lost = summary["force_lag_s"], summary["lost_motion_m"]
     corrected = [
@@ -303,9 +304,15 @@ def evaluation_lines(summary: Mapping[str, Any]) -> list[str]:
         *online_lines(summary),
         *left_out_lines(summary),
         f"memory of the estimators: {summary['memory_s']:.3g} s",
-        f"excitation: {summary['excitation']['mean']:.2f} (0 at rest, 1 for a sine about zero)",
+        expected_text(summary["expected_intervals"]),
         summary["software"],
     ]
+
+
+def expected_text(expected: Mapping[str, float]) -> str:
+    """Return one line with the intervals of k and b that motion and noise permit."""
+    halves = ", ".join(f"{part} {half_width_text(half)}" for part, half in expected.items())
+    return f"expected 95 % intervals for this motion and noise: {halves}"
 
 
 def online_lines(summary: Mapping[str, Any]) -> list[str]:

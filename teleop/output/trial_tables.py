@@ -7,11 +7,17 @@ from typing import Any
 
 from rich.console import Console
 
+from estimation.expected_intervals import half_width_text
 from estimation.quantities import DAMPING, STIFFNESS
 from teleop.evaluation.teleoperation.thresholds import NOTICEABLE
 from teleop.names import ISOMETRIC
 from teleop.output.console import plain_console
-from teleop.output.estimate_tables import left_out_lines, print_estimated, print_online
+from teleop.output.estimate_tables import (
+    expected_text,
+    left_out_lines,
+    print_estimated,
+    print_online,
+)
 from teleop.output.next_command import print_command
 from teleop.output.result_tables import print_best_model, print_result, true_numbers
 from teleop.output.step_tables import print_steps
@@ -34,6 +40,14 @@ def print_trial(summary: Mapping[str, Any], details: bool) -> None:
         console.print("INTERRUPTED before the end", style="bold yellow")
     title = f"{summary['condition']}, {summary['specimen']}, {duration(summary)}"
     print_result(summary, title)
+    if until := summary["until"]:
+        wanted = ", ".join(
+            f"{part} {half_width_text(half)}" for part, half in until["wanted"].items()
+        )
+        missed = "" if until["reached"] else "not reached: at the end "
+        console.print(f"  wanted {wanted}; {missed}{until['text']}")
+    for choice in summary["choices"]:
+        console.print(f"  at {choice['time_s']:.1f} s, {choice['text']}")
     print_best_model(summary)
     if summary["steps"]:
         print_steps(summary["steps"])
@@ -78,10 +92,7 @@ def print_results(console: Console, summary: Mapping[str, Any], details: bool) -
     print_feedback(console, summary["feedback"])
     print_estimated(console, summary)
     if details:
-        excitation = summary["excitation"]["mean"]
-        console.print(
-            f"  excitation: {excitation:.2f} (0 at rest, 1 for a sine of 1 Hz about zero)"
-        )
+        console.print(f"  {expected_text(summary['expected_intervals'])}")
     if summary["contact"] < 1.0 and details:
         rest = f"{1.0 - summary['contact']:.0%} of the samples"
         console.print(f"  contact force near zero, and estimates held, in {rest}")

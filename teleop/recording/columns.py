@@ -76,11 +76,12 @@ TABLE: tuple[tuple[str, str, str, str], ...] = (
     ("v", "estimated.v", "m/s", "velocity given to the estimators"),
     ("f", "estimated.f", "N", "force given to the estimators"),
     (
-        "excitation",
-        "estimated.excitation",
+        "k_bound",
+        "estimated.k_bound",
         "-",
-        "measure of excitation: 0 at rest, 1 for a sine about zero",
+        "half width of the 95 % interval of k that motion and noise permit, as a fraction of k",
     ),
+    ("b_bound", "estimated.b_bound", "-", "the same of b"),
     (
         "contact",
         "estimated.contact",

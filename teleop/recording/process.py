@@ -24,7 +24,7 @@ from teleop.errors import reason
 from teleop.live.progress import Cue, Progress, Shown, Status
 from teleop.recording.mcap_writer import McapFile
 from teleop.recording.message import TIME, packer
-from teleop.safety.events import Mode
+from teleop.safety.events import Mode, is_note
 
 HEAD = struct.Struct("<I")
 """Layout of the first bytes on the pipe: length of the JSON document [bytes]."""
@@ -127,8 +127,12 @@ class FrameReader:
                     self._file.tick(frame, t)
                 self._last = frame
                 self._progress.show(t, self._status)
-            elif self._file and kind == EVENT:
-                self._file.event(json.loads(frame))
+            elif kind == EVENT:
+                event = json.loads(frame)
+                if is_note(event["fault"], event["source"]):
+                    self._progress.note = event["text"]
+                if self._file:
+                    self._file.event(event)
             elif self._file and kind == BEGIN:
                 self._file.begin(*NUMBER.unpack(frame))
             elif self._file and kind == END:

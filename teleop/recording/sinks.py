@@ -37,6 +37,8 @@ class Sink(ABC):
 
     dropped = 0
     """Number of ticks that were dropped and therefore not recorded."""
+    end_reason = ""
+    """Reason for which this sink ends the trial; empty while it does not."""
 
     @abstractmethod
     def push(self, message: bytes) -> None:

@@ -80,7 +80,7 @@ def stops_immediately(fault: Fault) -> bool:
 
 
 class Event(NamedTuple):
-    """Event in a trial: a fault, or a change of the mode of the safety supervisor."""
+    """Event in a trial: a fault, a change of the mode of the safety supervisor, or a note."""
 
     time: float
     """Time of the event in the trial [s]."""
@@ -91,13 +91,26 @@ class Event(NamedTuple):
     fault: Fault | None = None
     """Kind of fault; None for a change of mode without a fault."""
     source: str = ""
-    """Channel or part with the fault, or a text that describes the fault."""
+    """Channel or part with the fault, or a text that describes the fault. Without a fault: the part
+    of the program that states a note (`is_note`)."""
     value: float = float("nan")
     """Measured value, in SI units; NaN if there is none."""
     limit: float = float("nan")
     """Limit that the value exceeds, in SI units; NaN if there is none."""
     since: float = float("nan")
     """Time at which the fault began [s]; NaN if there is no fault."""
+
+
+EXCITATION = "excitation"
+"""Source of the notes in which the control condition states its choice of the motion."""
+
+
+def is_note(fault: object, source: str) -> bool:
+    """Return whether an event is a note: neither a fault nor a change of mode.
+
+    A note states for example the present precision, or a choice of the excitation.
+    """
+    return not fault and bool(source)
 
 
 def time_text(time: float | None) -> str:

@@ -155,7 +155,10 @@ def problems_of_rig(settings: TrialSettings) -> Iterator[str]:
 
 def accepts(condition: Condition, settings: TrialSettings) -> bool:
     """Return whether a condition accepts the excitation signal of the settings."""
-    return not condition.signal_kinds or settings.signal_name in condition.signal_kinds
+    kinds = set(condition.signal_kinds)
+    if settings.custom_signal:
+        return kinds >= set(Condition.signal_kinds)
+    return settings.excitation.kind in kinds
 
 
 def problems_of_protocol(settings: TrialSettings, protocol: ProtocolSettings) -> Iterator[str]:

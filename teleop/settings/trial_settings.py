@@ -47,12 +47,14 @@ from teleop.control.admittance import AdmittanceParameters
 from teleop.control.channel import ChannelSettings
 from teleop.control.conditions import CONDITIONS, Condition, IntendedMotion
 from teleop.control.coupling import Coupling
-from teleop.control.excitation_signals import AnySignal, Signal, Sine
+from teleop.control.designed_excitation import Design
+from teleop.control.excitation_signals import AnySignal, Designed, Signal, Sine
 from teleop.control.feedback.settings import FeedbackSettings
 from teleop.control.hand_observer import HandObserver
 from teleop.control.protocol import Protocol, ProtocolSettings
 from teleop.control.tare import NO_TARE, Tare
 from teleop.control.target import Target
+from teleop.control.wanted_precision import WantedPrecision
 from teleop.names import (
     COUPLED,
     FORCE_SENSOR,
@@ -83,6 +85,7 @@ from teleop.settings.values import (
     rig_of,
     stated,
     tare_of,
+    wanted_of,
     without_zero,
 )
 
@@ -117,6 +120,12 @@ class TrialSettings:
     """Whether to show the trial on the live page in a browser."""
     duration: Annotated[Seconds, Field(alias="duration_s", gt=0.0)] = 10.0
     """Duration of the trial [s]."""
+    until: Annotated[WantedPrecision | None, BeforeValidator(wanted_of, str | WantedPrecision)] = (
+        None
+    )
+    """Precision of the result of the evaluation at which the trial ends before `duration`, as a
+    text such as `k=2%,b=10%`: half widths of the 95 % intervals. Default: the trial has the full
+    duration."""
     clock: ClockName = "real"
     """Clock of the control loop: real or virtual time."""
     rate: Annotated[
@@ -225,7 +234,7 @@ class TrialSettings:
         return replace(setup, depth=self.depth) if self.depth else setup
 
     @property
-    def excitation(self) -> Signal:
+    def excitation(self) -> Signal | Designed:
         """Excitation signal in the condition `autonomous`, or motion of the target in `mimic`.
 
         This is the setting `custom_signal` or `signal`. If both are None, it is a sine whose
@@ -264,6 +273,20 @@ class TrialSettings:
             self.coupling.scale,
             self.link_transmission,
             self.encoder_resolution,
+            self.design,
+        )
+
+    def design(self) -> Design:
+        """Return what the choice of an excitation during the trial needs to know."""
+        limits = self.limits
+        return Design(
+            min(self.setup.depth, limits.soft_position[1]),
+            self.excitation.highest,
+            limits.soft_force,
+            limits.max_velocity,
+            limits.max_acceleration,
+            self.make_conditioner(),
+            self.until,
         )
 
     @property

@@ -12,6 +12,7 @@ from pydantic_core import PydanticCustomError
 from drivers.rig_file import RigFileError, parse_rig_file
 from estimation import MODELS
 from teleop.control.tare import read_tare
+from teleop.control.wanted_precision import parse_wanted
 from teleop.errors import InputError
 from teleop.settings import ranges
 from teleop.settings.custom_class import CustomClass, stated_part
@@ -50,6 +51,11 @@ def model_of(value: object) -> object:
     if value not in MODELS:
         raise ValueError(f"expected one of {', '.join(MODELS)}")
     return MODELS[value]
+
+
+def wanted_of(value: object) -> object:
+    """Return the wanted precision in a text. Other values remain, for pydantic to check."""
+    return parse_wanted(value) if isinstance(value, str) else value
 
 
 def tare_of(value: object, info: ValidationInfo) -> object:

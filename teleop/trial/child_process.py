@@ -35,7 +35,7 @@ class ChildProcess:
         Address at which the process serves the data; empty before `begin`.
     """
 
-    def __init__(self, module: str) -> None:
+    def __init__(self, module: str, what: str = "live page") -> None:
         self._unsent = b""
         self._received = b""
         try:
@@ -47,7 +47,7 @@ class ChildProcess:
                 start_new_session=os.name == "posix",
             )
         except OSError as error:
-            raise InputError(f"live page: cannot be started: {reason(error)}") from error
+            raise InputError(f"{what}: cannot be started: {reason(error)}") from error
         assert self._process.stdin
         assert self._process.stdout
         self._input, self._output = self._process.stdin, self._process.stdout

@@ -109,7 +109,7 @@ class LaterEstimates(Estimation, Sink):
             return messages
         pairs = (values[name][ticks] for name in ("paired_position", "paired_force", "paired_dt"))
         series = self.run(*pairs)
-        for name in ("x", "v", "f", "excitation", "contact"):
+        for name in ("x", "v", "f", "k_bound", "b_bound", "contact"):
             values[name][ticks] = getattr(series, name)
         for name, column in zip(layout.of_estimators, series.estimates, strict=True):
             values[name][ticks] = column

@@ -11,7 +11,7 @@ from teleop.control.controller import Controller
 from teleop.recording.black_box import AFTER
 from teleop.recording.columns import Layout
 from teleop.recording.sinks import Sink
-from teleop.safety.events import ACTIVE, FAULT, IDLE, Event, Fault
+from teleop.safety.events import ACTIVE, FAULT, IDLE, Event, Fault, is_note
 from teleop.trial.stop_switch import StopSwitch
 
 END = "end of the trial"
@@ -85,6 +85,7 @@ class Loop:
         sinks, dropped = self._sinks, 0
         for sink in sinks:
             dropped += sink.dropped
+            self._end = self._end or sink.end_reason
         message = self._layout.pack(record, dropped)
         for sink in sinks:
             sink.push(message)
@@ -95,14 +96,14 @@ class Loop:
             for sink in self._sinks:
                 sink.event(event)
             self._unstopped |= event.fault is Fault.NOT_STOPPED
-            if event.mode is ACTIVE:
+            if event.mode is ACTIVE and not is_note(event.fault, event.source):
                 self._armed, self._begin = True, event.time
             elif event.mode is FAULT or (event.mode is IDLE and self._armed):
                 self._leave = self._elapsed + AFTER * self._clock.rate
         if not (self._armed or self._switch.page.arms):
             self._begin = record.t
         if record.t - self._begin >= self._last or self.controller.finished:
-            self._end = self.controller.ending or END
+            self._end = self.controller.ending or self._end or END
         if record.mode is not IDLE or self.error:
             return self._elapsed < self._leave
         if self._end and not self._armed:

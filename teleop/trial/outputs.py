@@ -19,6 +19,7 @@ from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.later_estimates import LaterEstimates
 from teleop.trial.live_link import LiveLink
 from teleop.trial.metadata import session_metadata
+from teleop.trial.precision import Precision, PrecisionInLoop, PrecisionProcess
 from teleop.trial.stop_switch import StopSwitch
 
 
@@ -71,6 +72,18 @@ class Outputs:
         if settings.clock == "virtual" and not live:
             conditioner = settings.make_conditioner()
             self.later = LaterEstimates(conditioner, bank, layout, self._sinks)
+        self._precision: Precision | None = None
+        if settings.until:
+            in_loop = settings.clock == "virtual"
+            kind = PrecisionInLoop if in_loop else PrecisionProcess
+            self._precision = kind(
+                settings.until,
+                layout,
+                self._metadata,
+                settings.duration,
+                settings.loop_rate,
+                self.sinks,
+            )
         self.outcome = Outcome(None, 0, 0, "")
         self.black_box: Path | None = None
         """Folder with the ticks before and after a fault; None if none was written."""
@@ -80,7 +93,8 @@ class Outputs:
     @property
     def sinks(self) -> Sequence[Sink]:
         """What receives the ticks from the loop."""
-        return [self.later] if self.later else self._sinks
+        others: list[Sink] = [self.later] if self.later else self._sinks
+        return [*others, self._precision] if self._precision else others
 
     @property
     def recorder_pid(self) -> int | None:
@@ -97,11 +111,15 @@ class Outputs:
         self._start = start
         if self._recorder:
             self._recorder.begin(start)
+        if self._precision:
+            self._precision.begin()
 
     def close(self, ticks: int) -> None:
         """Close all sinks, whatever fails. `ticks` is the number of ticks of the loop."""
         self.outcome = Outcome(None, ticks, 0, "")
         try:
+            if self._precision:
+                self._precision.close()
             if self.later:
                 self.later.close()
         finally:

@@ -12,6 +12,7 @@ import numpy as np
 from estimation import Bank, Estimates, Regression
 from estimation.arrays import Floats
 from estimation.presentation import Presented
+from teleop.control.wanted_precision import REACHED
 from teleop.errors import InputError
 from teleop.recording.columns import OBSERVED
 from teleop.recording.gaps import gap_rows, missing_text
@@ -19,9 +20,10 @@ from teleop.recording.recording import Recording
 from teleop.recording.recording_file import RecordingFile
 from teleop.recording.sinks import Outcome
 from teleop.safety import Mode
-from teleop.safety.events import Fault, time_text
+from teleop.safety.events import EXCITATION, Fault, time_text
 from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.metadata import estimated_channels
+from teleop.trial.precision import SOURCE as PRECISION
 from teleop.trial.recorded_trial import recorded_truth, tracked_ticks, tracking_of, truth
 from teleop.trial.trial_statistics import TrialStatistics
 
@@ -79,6 +81,19 @@ class Trial(Presented):
         texts = [faults[0]["text"]]
         texts += [event["text"] for event in faults[1:] if event["fault"] in grave]
         return f"stopped {time_text(self.since_armed(faults[0]))}: {'; '.join(texts)}"
+
+    @property
+    def precision(self) -> dict[str, Any] | None:
+        """The wanted precision, whether it was reached, and the last statement about it.
+
+        The keys are `wanted`, `reached` and `text`. None if the trial had the full duration.
+        """
+        wanted = self.settings.until
+        if wanted is None:
+            return None
+        stated = [event["text"] for event in self.ticks.events if event.get("source") == PRECISION]
+        text = stated[-1].removeprefix(f"{wanted.text}: ") if stated else "not evaluated"
+        return {"wanted": wanted.parts, "reached": text.startswith(REACHED), "text": text}
 
     def since_armed(self, event: dict[str, Any]) -> float | None:
         """Return the time of an event since the drives were armed [s]; None if they were not."""
@@ -334,6 +349,12 @@ class Trial(Presented):
             "observer": self.observer(),
             "estimated_channels": list(estimated_channels(settings)),
             "duration_s": settings.duration,
+            "until": self.precision,
+            "choices": [
+                {"time_s": self.since_armed(event), "text": event["text"]}
+                for event in self.ticks.events
+                if event.get("source") == EXCITATION
+            ],
             "actual_duration_s": found.end - (self.armed or {"time": 0.0})["time"]
             if found.pairs
             else 0.0,
@@ -355,7 +376,7 @@ class Trial(Presented):
             "left_out": found.left_out,
             "force_lag_s": corrected.force_lag,
             "lost_motion_m": corrected.lost_motion,
-            "excitation": found.excitation,
+            "expected_intervals": found.expected,
             "contact": found.contact,
             "loop": found.loop,
             "safety": {

@@ -86,7 +86,7 @@ class TrialStatistics:
         if len(t):
             self.end = float(t[-1])
         self.depth = float(np.max(np.abs(estimated["slave_position"]), initial=self.depth))
-        self._averages.begin(t, regression, estimated["excitation"])
+        self._averages.begin(t, regression, (estimated["k_bound"], estimated["b_bound"]))
         for name, estimates in estimated.estimates().items():
             self._averages.add(name, estimates, estimated.misfit(name))
         part = self._part.indices(t)
@@ -107,15 +107,13 @@ class TrialStatistics:
         return self._contact / self._averages.samples if self._averages.samples else math.nan
 
     @property
-    def excitation(self) -> dict[str, float]:
-        """Mean (key `mean`) and last value (key `last`) of the excitation measure.
+    def expected(self) -> dict[str, float]:
+        """Half widths of the 95 % intervals of k and b that motion and noise permit, as fractions.
 
-        The excitation measure is a number from 0 to 1. It is near 0 if k and b cannot both be
-        identified from the motion. Only the part of the trial over which the estimates are averaged
-        is used. Both values are NaN if this part has no sample.
+        They are those at the end of the part over which the estimates are averaged; NaN if this
+        part has no sample (`estimation.ExpectedIntervals`).
         """
-        averages = self._averages
-        return {"mean": averages.mean_excitation, "last": averages.last_excitation}
+        return self._averages.expected._asdict()
 
     @property
     def loop(self) -> dict[str, Any]:

@@ -71,7 +71,7 @@ def test_run_json_is_one_document_with_the_documented_keys(capsys):
         assert {"b", "k", "e_f", "rise_time_s"} <= document["estimates"][name].keys()
     assert {"rate_hz", "mean_rate_hz", "lateness_us", "overruns"} <= document["loop"].keys()
     assert {"p50", "p99", "max"} <= document["loop"]["lateness_us"].keys()
-    assert 0.0 <= document["excitation"]["mean"] <= 1.0
+    assert document["expected_intervals"].keys() == {"k", "b"}
 
 
 def test_a_missing_number_is_null_in_json(capsys):
@@ -139,7 +139,7 @@ def test_estimate_prints_the_estimators_beside_batch_least_squares(capsys, recor
         assert word in out
     assert "<svg" in picture.read_text()
     assert table.read_text().startswith(
-        "Time [s],Displacement [m],Velocity [m/s],Force [N],Excitation [-],rls_b"
+        "Time [s],Displacement [m],Velocity [m/s],Force [N],Expected_k [-],Expected_b [-],rls_b"
     )
 
 

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from estimation import Bank, Estimates, Excitation, Misfit, Regression
+from estimation import Bank, Estimates, ExpectedHalfWidths, ExpectedIntervals, Misfit, Regression
 from estimation.arrays import Floats
 from estimation.estimate_columns import estimate_arrays, estimate_columns, misfit_columns
 from estimation.estimator import Series
@@ -23,11 +23,19 @@ from teleop.evaluation.online.conditioned import ConditionedSamples
 from teleop.evaluation.online.model_comparison import Comparison, RunningComparison
 from teleop.evaluation.settings import WHOLE, AveragedPart
 
-MISFIT, FURTHER = "misfit", "further"
+MISFIT, FURTHER, EXPECTED = "misfit", "further", "expected"
 """Words in the keys of the arrays in `KeptArrays`. They denote the misfit of an estimator (the
-systematic part of its force error) and its parameters besides b and k."""
+systematic part of its force error), its parameters besides b and k, and the half widths of the
+intervals that motion and noise permit."""
 Table = tuple[dict[str, Floats], dict[str, str]]
 """Columns of shape (n,) by name, and the unit of each column."""
+
+
+class ExpectedSeries(NamedTuple):
+    """Expected half widths of k and b after each of n samples, each of shape (n,)."""
+
+    k: Floats
+    b: Floats
 
 
 class OnlineResult(NamedTuple):
@@ -46,18 +54,16 @@ class OnlineResult(NamedTuple):
     misfit: dict[str, Floats]
     """Systematic part of the force error, relative to the force (`estimation.misfit`), by the name
     of the estimator. Each array has the shape (kept,)."""
-    excitation: Floats
-    """Measure of the excitation from 0 to 1 (`estimation.excitation`), shape (kept,)."""
+    expected_series: ExpectedSeries
+    """Half widths of the 95 % intervals of k and b that motion and noise permit, as fractions."""
     summaries: dict[str, EstimatorSummary]
     """Summary of each estimator over all samples in the part of the record that is averaged."""
     comparisons: dict[str, Comparison]
     """Errors of each compared estimator relative to a reference, over all samples."""
     used: int
     """Number of samples that the estimators processed."""
-    mean_excitation: float
-    """Mean excitation in the averaged part; NaN if there is no sample."""
-    last_excitation: float
-    """Excitation after the last sample of the averaged part; NaN if there is no sample."""
+    expected: ExpectedHalfWidths
+    """The same after the last sample of the averaged part; NaN if there is no sample."""
     longest_period: float
     """Longest time between two successive samples, including gaps [s]."""
     largest_deviation: float
@@ -71,8 +77,8 @@ class OnlineResult(NamedTuple):
 class OnlineRun:
     """Runs several estimators over a record that is processed in blocks of samples.
 
-    Call `add` for each block, and then `result`. Bank, misfit and measure of the excitation have
-    not yet processed a sample. `period` is the usual sample period [s], and `count` the largest
+    Call `add` for each block, and then `result`. Bank, misfit and expected intervals have not yet
+    processed a sample. `period` is the usual sample period [s], and `count` the largest
     number of samples. Every `every`-th estimate is kept in memory. `write` gets all of them.
     """
 
@@ -80,7 +86,7 @@ class OnlineRun:
         self,
         bank: Bank,
         misfit: Misfit,
-        measure: Excitation,
+        expected: ExpectedIntervals,
         comparisons: Sequence[RunningComparison],
         period: float,
         count: int,
@@ -88,7 +94,7 @@ class OnlineRun:
         write: Callable[[Table], None] | None = None,
         averaged: AveragedPart = WHOLE,
     ) -> None:
-        self._bank, self._misfit, self._measure = bank, misfit, measure
+        self._bank, self._misfit, self._expected = bank, misfit, expected
         self._comparisons = comparisons
         self._period, self._every, self._write = period, every, write
         self._averages = RunningAverages(bank, averaged)
@@ -108,9 +114,7 @@ class OnlineRun:
         t, regression, used, apart = samples
         if not len(t):
             return
-        excitation = self._measure.run(regression.x, regression.v, regression.dt)
         within = np.delete(regression.dt, apart)
-        self._averages.begin(t, regression, excitation)
         self._longest = max(self._longest, float(np.max(regression.dt)))
         self._deviation = max(
             self._deviation, float(np.max(np.abs(within - self._period), initial=0.0))
@@ -123,14 +127,19 @@ class OnlineRun:
         # The last sample of the block is overwritten if there is another block.
         chosen = np.concatenate([places, [len(t) - 1]])
         kept.put(start, ("t",), t[chosen])
-        kept.put(start, ("excitation",), excitation[chosen])
         for field, channel in zip(Regression._fields, regression.part(chosen), strict=True):
             kept.put(start, (field,), channel)
         estimates: dict[str, Estimates] = {}
         misfit: dict[str, Floats] = {}
-        ends = None
+        ends, expected = None, ExpectedSeries(t, t)
         for i, (name, series) in enumerate(self._bank.each(*regression)):
-            ends = ends or self._misfit.ends(regression, self._bank.opened)
+            if ends is None:  # the first estimator: the gate of the bank is now known
+                ends = self._misfit.ends(regression, self._bank.opened)
+                x, v, f, dt, _ = regression
+                expected = ExpectedSeries(*self._expected.run(x, v, f, dt, self._bank.opened))
+                self._averages.begin(t, regression, expected)
+                for part, values in expected._asdict().items():
+                    kept.put(start, (EXPECTED, part), values[chosen])
             values = self._misfit.series(i, ends, series)
             self._averages.add(name, series, values)
             for comparison in self._comparisons:
@@ -145,7 +154,7 @@ class OnlineRun:
             if self._write:
                 estimates[name], misfit[name] = series, values
         if self._write:
-            self._write(table(self._bank, t, regression, estimates, misfit, excitation))
+            self._write(table(self._bank, t, regression, estimates, misfit, expected))
         self._used += len(t)
         self._kept_samples += len(places)
 
@@ -162,12 +171,11 @@ class OnlineRun:
             Regression(*(kept.get(count, field) for field in Regression._fields)),
             estimates,
             {name: kept.get(count, name, MISFIT) for name in self._bank},
-            kept.get(count, "excitation"),
+            ExpectedSeries(*(kept.get(count, EXPECTED, part) for part in ExpectedSeries._fields)),
             averages.summaries(t, estimates),
             {name: row for found in rows for name, row in found.items()},
             self._used,
-            averages.mean_excitation,
-            averages.last_excitation,
+            averages.expected,
             self._longest,
             self._deviation,
             self._as_recorded,
@@ -231,7 +239,7 @@ def table(
     regression: Regression,
     estimates: dict[str, Estimates],
     misfit: dict[str, Floats],
-    excitation: Floats,
+    expected: ExpectedSeries,
 ) -> Table:
     """Return signals and estimates of n samples as columns, for an output file.
 
@@ -241,7 +249,8 @@ def table(
     x, v, f, *_ = regression
     columns = {"Time": t, "Displacement": x, "Velocity": v, "Force": f}
     units = {"Time": "s", "Displacement": "m", "Velocity": "m/s", "Force": "N"}
-    columns["Excitation"], units["Excitation"] = excitation, "-"
+    for part, values in expected._asdict().items():
+        columns[f"Expected_{part}"], units[f"Expected_{part}"] = values, "-"
     for column, values in zip(estimate_columns(bank), estimate_arrays(estimates), strict=True):
         columns[column.name] = np.asarray(values, dtype=np.float64)
         units[column.name] = column.unit

@@ -5,7 +5,7 @@ import { colours, estimatorColour, estimatorDash } from "./theme.js";
 
 const LIMIT = { colour: "limit", dash: [3, 4] };
 const TRUTH = { colour: "truth", dash: [10, 5] };
-const THRESHOLD = { colour: "truth", dash: [2, 3], digits: 2, isBeside: true };
+const THRESHOLD = { colour: "truth", dash: [2, 3], digits: 0, isBeside: true };
 
 function line(name, colour, label, width = 1.8, dash = []) {
   return { name, label, swatch: colour, colour: () => colours[colour], width: () => width, opacity: () => 1, dash };
@@ -84,11 +84,13 @@ export function charts(welcome, trial, emphasis) {
       levels: levels([truth.b], TRUTH, "true"),
       robust: true,
     },
-    {
-      id: "excitation", title: "excitation", unit: "", factor: 1, digits: 2, share: 0.5, scale: new Scale(0.2),
-      traces: [line("excitation", "text", "excitation", 1.5)],
-      levels: levels([welcome.thresholds.excitation], THRESHOLD, "needed for estimates"),
-    },
+    // recordings of earlier versions do not have the columns of this chart
+    ...(welcome.columns.length && !welcome.columns.some(({ name }) => name === "k_bound") ? [] : [{
+      id: "expected", title: "possible ±", unit: "%", factor: 100, digits: 1, share: 0.5, scale: new Scale(2),
+      traces: [line("k_bound", "text", "of k", 1.5), line("b_bound", "muted", "of b", 1.5, [4, 3])],
+      levels: levels([welcome.thresholds.expected], THRESHOLD, "most for estimates"),
+      most: 1.2 * welcome.thresholds.expected,
+    }]),
     { id: "axis", axis: true, traces: [], levels: [], factor: 1, scale: new Scale(1) },
   ];
 }

@@ -100,7 +100,7 @@ export class Connection {
       this.isReplay = message.kind === "replay";
       this.store.setColumns(message.columns.map((column) => column.name));
       const estimated = message.estimators.flatMap(({ name, further, ...columns }) => [...Object.values(columns), ...Object.values(further)]);
-      this.store.awaitExcitation(estimated.filter(Number.isFinite), message.thresholds.excitation);
+      this.store.awaitInformation(estimated.filter(Number.isFinite), message.thresholds.expected);
       this.delay = 500;
       this.#say(CONNECTED);
     }

@@ -31,7 +31,7 @@ const TEXTS = 200; // time between two updates of the texts [ms]
 const HELD = "The estimate is held constant, because the present sample contains no information.";
 const MISFIT = "Part of the force that neither the estimate nor noise explains, divided by the force.";
 const TRUST =
-  "Whether the estimate can be used: with contact and sufficient excitation, a narrow 95 % interval, a small misfit and, for b, " +
+  "Whether the estimate can be used: with contact and a motion that determines it, a narrow 95 % interval, a small misfit and, for b, " +
   "a small effect of force lag and lost motion. The mark is that of the best estimator. Grey numbers cannot be used.";
 const RANGES = 80; // time between two updates of the ranges of the plots [ms]
 

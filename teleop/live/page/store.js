@@ -13,7 +13,7 @@ export class Store {
     this.until = Infinity; // time of the last row that the page shows [s]; finite in a replay
     this.generation = 0; // increases when earlier drawings become invalid
     this.version = 0; // increases with each change of the shown rows
-    this.isInformed = () => true; // returns whether a row of values has the excitation that estimates need
+    this.isInformed = () => true; // returns whether the motion until a row of values determines k
     this.informed = false; // whether there has been such a row since the last `clear`
     this.estimated = []; // indices of the columns with estimates, which are NaN before
     this.origin = 0; // value of the column "time" at which the drives were armed [s]; null before
@@ -26,12 +26,12 @@ export class Store {
     this.clear();
   }
 
-  // Until the excitation has reached `least`, the columns with the indices `estimated` contain only start values of the
-  // estimators. Store NaN instead of them.
-  awaitExcitation(estimated, least) {
-    const excitation = this.index.get("excitation");
-    this.estimated = excitation === undefined ? [] : estimated;
-    this.isInformed = (values, start) => values[start + excitation] >= least;
+  // Until the expected half width of k is at most `largest`, the columns with the indices `estimated` contain only start
+  // values of the estimators. Store NaN instead of them.
+  awaitInformation(estimated, largest) {
+    const expected = this.index.get("k_bound");
+    this.estimated = expected === undefined ? [] : estimated;
+    this.isInformed = (values, start) => values[start + expected] <= largest;
   }
 
   clear() {

@@ -298,7 +298,7 @@ export class Strips {
         if (value > high) high = value;
       }
     }
-    if (chart.id === "excitation") return [0, Math.max(high, 0.2)];
+    if (chart.most) return [0, chart.factor * Math.min(high, chart.most)];
     if (chart.preview) {
       low = Math.min(low, chart.preview.low);
       high = Math.max(high, chart.preview.high);

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from drivers import Ages, Command, Measurement, Rig, RigError
-from estimation import Excitation, Gate, MatchedFilter, Misfit, paper_preset
+from estimation import ExpectedIntervals, Gate, MatchedFilter, Misfit, paper_preset
 from sim_backend import CUBES, SimulatedRig
 from teleop.control.admittance import Admittance, AdmittanceParameters
 from teleop.control.clock import Tick, VirtualClock
@@ -159,10 +159,7 @@ def test_every_stage_gets_its_channel_and_the_measured_dt():
     for sample in zip(v[armed:], x[armed:], f[armed:], dt[armed:], strict=True):
         gate.update(sample[:2], *sample[2:])
         contact.append(float(gate.contact))
-    measure = Excitation()
-    excitation = [
-        measure.update(*sample) for sample in zip(x[armed:], v[armed:], dt[armed:], strict=True)
-    ]
+    bounds = ExpectedIntervals().run(*regression[:4], bank.opened)
     admittance, coupling = Admittance(AdmittanceParameters()), Coupling(0.5, 2.0)
     coupling.align(admittance, at(position[armed]))
     desired = [Command(0.0, 0.0)] * (armed + 1)
@@ -209,7 +206,8 @@ def test_every_stage_gets_its_channel_and_the_measured_dt():
         "write_time": np.ones(len(TIMES)),
         "limited": np.zeros(len(TIMES)),
         "target": np.full(len(TIMES), np.nan),
-        "excitation": idle + excitation,
+        "k_bound": idle + list(bounds[0]),
+        "b_bound": idle + list(bounds[1]),
         "contact": idle + contact,
     }
     for name, e in estimates.items():

@@ -160,9 +160,8 @@ def test_a_long_recording_is_averaged_and_fitted_only_in_the_averaged_part(trial
         for key in ("b", "k", "e_f", "one_step_rms", "k_end", "rise_time_s", "held", "misfit"):
             value = getattr(found.summaries()[name], key)
             assert value == pytest.approx(getattr(expected, key), rel=1e-10), (name, key)
-    excitation = found.excitation[inside]
-    assert summary["excitation"]["mean"] == pytest.approx(excitation.mean(), rel=1e-10)
-    assert summary["excitation"]["last"] == excitation[-1]
+    last = {"k": found.expected.k[inside][-1], "b": found.expected.b[inside][-1]}
+    assert summary["expected_intervals"] == last
 
 
 def test_a_part_without_samples_of_the_estimators_has_no_averages(trials, monkeypatch):
@@ -175,7 +174,7 @@ def test_a_part_without_samples_of_the_estimators_has_no_averages(trials, monkey
         assert math.isnan(summary.k)
         assert summary.held == 1.0
         np.testing.assert_array_equal(found.estimates[name].k, whole.estimates[name].k)
-    assert math.isnan(found.summary()["excitation"]["last"])
+    assert math.isnan(found.summary()["expected_intervals"]["k"])
 
 
 def test_before_the_analysed_part_the_contact_is_that_at_its_start(trials):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import os
 from types import SimpleNamespace
@@ -11,6 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from teleop.live.progress import Progress, Shown, Status
+from teleop.recording.process import EVENT, FRAME, FrameReader
 
 
 @pytest.fixture
@@ -27,6 +29,7 @@ def drawn(monkeypatch):
         progress.show(t, lambda: Status("active", math.nan, 0.0, estimates))
         return lines[-1]
 
+    draw.progress = progress
     return draw
 
 
@@ -151,3 +154,19 @@ def test_without_a_terminal_spaces_replace_the_previous_line_and_nothing_is_an_e
     draw(progress, "more")
     progress.close()
     assert lines == ["\ra long line", "\rshort      ", "\r     \rstopped\n", "\rmore", "\r    \r"]
+
+
+def test_the_recorder_passes_notes_to_the_line_and_no_other_events():
+    progress = Progress(False, 10.0, "", "", largest_misfit=0.05)
+    session = {"columns": [], "estimators": [], "level": 1.96}
+    frames = FrameReader(session, None, progress)
+    event = {"fault": None, "source": "precision", "text": "k ± 2 %: about 3 s more"}
+    for document in (event, {"fault": None, "source": "", "text": "armed"}):
+        data = json.dumps(document).encode()
+        frames.process(FRAME.pack(EVENT, len(data)) + data)
+    assert progress.note == event["text"]
+
+
+def test_a_note_takes_the_place_of_estimates_that_do_not_fit(drawn):
+    drawn.progress.note = "k ± 2 %: about 3 s more"
+    assert drawn([RLS], 60).startswith("\ractive   1.0 of 10 s  k ± 2 %: about 3 s more")

@@ -93,6 +93,18 @@ def test_a_fault_before_the_stop_of_a_person_is_a_fault(trial):
     assert (state["text"], state["by_person"]) == ("force limit: 70 N", False)
 
 
+def test_the_latest_note_is_a_text_and_neither_an_arming_nor_a_mark_in_the_plots(trial):
+    feed, report = trial
+    report(ACTIVE, "armed")
+    armed_at = feed.state()["armed_at"]
+    report(ACTIVE, "b ± 20 %: about 3 s more", source="precision")
+    state = report(ACTIVE, "b ± 12 %: about 1 s more", source="precision")
+    assert state["text"] == "palpate freely; b ± 12 %: about 1 s more"
+    assert state["armed_at"] == armed_at
+    marks = next(document for document in feed.documents() if document["type"] == "events")
+    assert [mark["text"] for mark in marks["events"]] == ["armed"]
+
+
 def test_a_question_has_its_advice_apart(trial):
     feed, _ = trial
     feed.receive({"type": "end", "text": ""})

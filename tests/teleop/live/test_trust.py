@@ -17,13 +17,14 @@ PARTS = ("k", "b", "k_std", "b_std", "held", "misfit")
 COLUMNS = [
     "time",
     "v",
-    "excitation",
+    "k_bound",
+    "b_bound",
     "contact",
     *(f"{e}_{p}" for e in ("rls", "me") for p in PARTS),
 ]
 RIGID = {"force_lag": 0.0, "lost_motion": 0.0}
 GOOD = {"k": 2000.0, "b": 20.0, "k_std": 10.0, "b_std": 1.0, "held": 0.0, "misfit": 0.01}
-MOTION = {"excitation": 0.5, "contact": 1.0}
+MOTION = {"k_bound": 0.01, "b_bound": 0.1, "contact": 1.0}
 
 
 def decided(transmission=RIGID, motion=None, seconds=2.0, **of):
@@ -58,8 +59,8 @@ def test_good_estimates_can_be_used_and_the_narrowest_is_named():
 @pytest.mark.parametrize(
     ("motion", "of", "mark", "reason"),
     [
-        ({"excitation": 0.0}, {}, "not yet", "excitation below 0.01"),
-        ({"excitation": math.nan}, {}, "not yet", "excitation below 0.01"),
+        ({"k_bound": 1.2, "b_bound": 1.2}, {}, "not yet", None),
+        ({"k_bound": math.nan, "b_bound": math.nan}, {}, "not yet", None),
         ({"contact": 0.0}, {}, "not yet", "no contact"),
         ({}, {"k": math.nan, "b": math.nan}, "not yet", "no estimate yet"),
         ({}, {"held": 1.0}, "not yet", "estimate held"),
@@ -76,6 +77,12 @@ def test_without_support_no_estimate_of_any_estimator_can_be_used(motion, of, ma
     assert {found[part]["mark"] for part in ("k", "b")} == {mark}
     assert reason is None or {found[part]["reason"] for part in ("k", "b")} == {reason}
     assert found["supported"] == 2 * [{"k": False, "b": False}]
+
+
+def test_a_motion_that_determines_k_only_leaves_b_without_support():
+    found = decided(motion={"b_bound": 1.2})
+    assert found["k"]["mark"] == "can be used"
+    assert found["b"] == {"mark": "not yet", "reason": "motion does not determine b"}
 
 
 def test_k_can_be_used_with_an_interval_of_ten_percent_and_b_with_one_of_fifty():

@@ -17,9 +17,10 @@ from sim_backend import ForceMaster, ForceSlave, OperatorModel, Sensors
 from teleop.control.admittance import AdmittanceParameters
 from teleop.control.channel import ChannelSettings
 from teleop.control.coupling import Coupling
-from teleop.control.excitation_signals import Chirp, Multisine, Sine
+from teleop.control.excitation_signals import Chirp, Designed, Multisine, Sine
 from teleop.control.feedback.settings import FeedbackSettings
 from teleop.control.tare import Tare
+from teleop.control.wanted_precision import WantedPrecision
 from teleop.recording.recording import load
 from teleop.safety.tightened_limits import TightenedLimits
 from teleop.settings.configuration import read_configuration, write_configuration
@@ -32,6 +33,7 @@ VARIED = {
     "operator": st.sampled_from(["", "s01"]),
     "notes": st.text(max_size=10).filter(lambda text: "\0" not in text),
     "duration": st.floats(0.02, 0.2),
+    "until": st.sampled_from([None, WantedPrecision(0.02, 0.1), WantedPrecision(b=0.3)]),
     "rate": st.sampled_from([500.0, 1000.0, 1234.5]),
     "seed": st.integers(0, 2**31),
     "signal": st.none() | st.builds(Sine, st.floats(0.1, 10.0)),
@@ -79,7 +81,7 @@ OTHER = {
     "rig",
 }
 """Settings that are not varied here: see `test_documents.py` for those of other objects."""
-SIGNALS = st.sampled_from([None, Multisine((1.0, 2.0)), Chirp(1.0, 4.0, 1.0)])
+SIGNALS = st.sampled_from([None, Multisine((1.0, 2.0)), Chirp(1.0, 4.0, 1.0), Designed(3.0)])
 
 
 @st.composite

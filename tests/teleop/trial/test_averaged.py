@@ -57,9 +57,7 @@ def test_the_averages_of_a_mimic_trial_leave_out_the_count_in(trial_of):
     summary = trial.summary()
     row = summary["estimates"]["rls"]
     assert (row["k"], row["k_end"]) == pytest.approx(averages(trial, 1.0, 9.0), rel=1e-12)
-    assert summary["excitation"]["mean"] == pytest.approx(
-        trial.columns["excitation"][trial.t >= 1.0].mean()
-    )
+    assert summary["expected_intervals"]["b"] == trial.columns["b_bound"][-1]
     assert summary["pairs"] == len(trial.t)
 
 

@@ -260,7 +260,7 @@ def test_a_tick_that_would_overprint_the_tick_before_is_left_out(trial_feed, ser
 
 
 def test_ticks_do_not_overprint_and_labels_leave_the_newest_data_free(trial_feed, serve, open_page):
-    page = open_page(serve(trial_feed(values={"excitation": 0.6})).url())
+    page = open_page(serve(trial_feed(values={"k_bound": 0.6})).url())
     wait_for(page, "teleop.rows() > 200")
     for width, height in ((1024, 768), (1280, 720), (390, 844)):
         page.set_viewport_size({"width": width, "height": height})
@@ -314,7 +314,7 @@ def test_names_beside_the_titles_of_the_strips_are_shown_completely_or_not_at_al
     size, trial_feed, serve, open_page
 ):
     names = ("rls_conditional", "rls_directional", "kalman", "me_switching", "ai")
-    feed = trial_feed(estimators=names, target=TARGET, values={"excitation": 0.0})
+    feed = trial_feed(estimators=names, target=TARGET, values={"k_bound": 2.0})
     page = open_page(serve(feed).url(), size=size)
     wait_for(page, "document.querySelector('.strip-force .strip-notes').textContent")
     assert page.evaluate(CUT) == []

@@ -7,7 +7,7 @@ import json
 import numpy as np
 import pytest
 
-from estimation.excitation import LEAST_EXCITATION
+from estimation.expected_intervals import LARGEST_EXPECTED
 from teleop.cli import main
 from teleop.live.replay import Replay
 from teleop.recording.recording import load
@@ -121,12 +121,12 @@ def check_values(page, recording):
     shown = np.array(page.evaluate("teleop.series('time')"))
     rows = np.searchsorted(recording["time"], shown)
     assert len(rows) > 200
-    for name in ("time", "slave_position", "contact_force", "rls_k", "me_b_std", "excitation"):
+    for name in ("time", "slave_position", "contact_force", "rls_k", "me_b_std", "k_bound"):
         values = np.array(page.evaluate("(name) => teleop.series(name)", name), float)
         expected = recording[name][rows]
         if name in ("rls_k", "me_b_std"):  # before, these are start values
-            excited = recording["excitation"][rows] >= LEAST_EXCITATION
-            expected = np.where(np.logical_or.accumulate(excited), expected, np.nan)
+            informed = recording["k_bound"][rows] <= LARGEST_EXPECTED
+            expected = np.where(np.logical_or.accumulate(informed), expected, np.nan)
         np.testing.assert_array_equal(values, expected)
 
 

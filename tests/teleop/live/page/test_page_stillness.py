@@ -33,7 +33,7 @@ def varied(feed):
     numbers = [i for i, name in enumerate(feed.names) if name.endswith(ends)]
     shares = [i for i, name in enumerate(feed.names) if name.endswith("_misfit")]
     held = [i for i, name in enumerate(feed.names) if name.endswith("_held")]
-    forces = [feed.names.index(name) for name in ("contact_force", "slave_velocity", "excitation")]
+    forces = [feed.names.index(name) for name in ("contact_force", "slave_velocity", "k_bound")]
     of_the_period = {}
 
     def vary(t):

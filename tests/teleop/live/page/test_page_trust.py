@@ -67,10 +67,10 @@ def test_the_meaning_of_the_mark_is_explained(trial_feed, serve, open_page):
     assert "force lag and lost motion" in page.locator("#explanation").inner_text()
 
 
-def test_start_values_of_the_estimators_are_not_shown_before_the_first_excitation(
+def test_start_values_of_the_estimators_are_not_shown_before_the_motion_determines_k(
     trial_feed, serve, open_page
 ):
-    start = {"excitation": 0.0, "rls_k": 0.0, "rls_k_std": 0.0, "me_k": 1500.0, "me_k_std": 4e4}
+    start = {"k_bound": 3.0, "rls_k": 0.0, "rls_k_std": 0.0, "me_k": 1500.0, "me_k_std": 4e4}
     feed = trial_feed(values=start)
     page = open_page(serve(feed).url())
     wait_for(page, "teleop.rows() > 50")
@@ -79,9 +79,9 @@ def test_start_values_of_the_estimators_are_not_shown_before_the_first_excitatio
     assert cells.all_inner_texts() == ["\u2013", "\u2013"]
     levels = page.locator(".strip-stiffness .level-truth")
     assert len(levels.all_inner_texts()) == 2  # the range without estimates has the true values
-    feed.values |= {"excitation": 0.3, "rls_k": 2050.0, "rls_k_std": 5.0}
+    feed.values |= {"k_bound": 0.3, "rls_k": 2050.0, "rls_k_std": 5.0}
     wait_for(page, "document.querySelector('#estimates .cell-k b').textContent === '2050.0'")
-    feed.values["excitation"] = 0.0  # the trial has had an estimate: it remains
+    feed.values["k_bound"] = 2.0  # the trial has had an estimate: it remains
     page.wait_for_timeout(400)
     assert cells.all_inner_texts()[0] == "2050.0"
     ticks = page.locator(".strip-stiffness .tick").all_inner_texts()

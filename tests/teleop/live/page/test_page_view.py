@@ -190,12 +190,12 @@ LINES = """([strip, colour]) => {
 """Largest part of a row and of a column of pixels that has a colour."""
 
 
-def test_the_least_excitation_and_the_events_are_lines_in_the_strips(feed, page):
-    feed.values["excitation"] = 0.6
-    wait_for(page, "teleop.last('excitation') === 0.6")
+def test_the_largest_expected_interval_and_the_events_are_lines_in_the_strips(feed, page):
+    feed.values["b_bound"] = 1.5
+    wait_for(page, "teleop.last('b_bound') === 1.5")
     end = rest(feed, page)
-    assert "needed for estimates 0.01" in page.locator(".strip-excitation").inner_text()
-    across, _ = page.evaluate(LINES, ["excitation", "truth"])
+    assert "most for estimates 100" in page.locator(".strip-expected").inner_text()
+    across, _ = page.evaluate(LINES, ["expected", "truth"])
     assert across > 0.25  # the line is dotted
     _, before = page.evaluate(LINES, ["velocity", "limit"])
     events = [{"time": end - 2.0, "text": "a fault", "fault": True}]
