@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from scipy.special import stdtrit
 
 from estimation.arrays import Floats
+from estimation.estimator import LEVEL_95
 from estimation.quantities import STIFFNESS
 from estimation.robust_error import robust_fit
 from teleop.evaluation.batch.contact_phases import Phases
@@ -321,12 +322,14 @@ def isolated_cycles(cycles: Cycles) -> tuple[int, int] | None:
     In a short record, the differences between successive cycles are too few for a statistic. If
     three cycles or more have nearly the same stiffness, their spread is that of a constant body.
     Two are sufficient if the others differ by much more than the errors from the residuals, and so
-    is a single other cycle beside three equal ones in a short record.
+    is a single other cycle beside three equal ones in a short record. A cycle in which the
+    stiffness changes has a large residual, and counts as equal within the error from it.
     """
     if len(cycles.k) < FEWEST_TREND_CYCLES:
         return None
     k, travel = cycles.k, cycles.travel
-    alike = np.abs(k - k[:, None]) < SAME_STIFFNESS * np.abs(k[:, None])
+    uncertain = np.minimum(LEVEL_95 * cycles.error, LEAST_CHANGE * np.abs(k))
+    alike = np.abs(k - k[:, None]) < np.maximum(SAME_STIFFNESS * np.abs(k[:, None]), uncertain)
     group = alike[int(np.argmax(alike.sum(axis=1)))]
     centre = float(np.median(k[group]))
     limit = SAME_TRAVEL if len(k) >= FEWEST_COMPARED_CYCLES else EQUAL_TRAVEL

@@ -49,6 +49,8 @@ from teleop.evaluation.batch.thresholds import (
     LARGEST_HOLD_MOTION,
     LARGEST_PULL_NOISE,
     LEAST_ADHESION,
+    LEAST_FOLLOWED_R2,
+    LEAST_FOLLOWED_STIFFNESS,
     LEAST_LEVEL_WIDTH,
     LEAST_MOVED,
     LEAST_PEAK,
@@ -249,6 +251,7 @@ def free_and_saturated(
             spread = float(np.ptp(np.percentile(f[start:end], [5.0, 95.0])))
             is_peak = is_peak or spread > MOST_LEVEL_WIDTHS * width + (0.0 if top else pull)
             travel, moved = (continued(one, start, end, top, margin) for one in (x, record.x))
+            is_peak = is_peak or follows(x[start:end], v[start:end], elastic[start:end], stiffness)
             if not is_peak and travel > allowed and moved > LEAST_MOVED * allowed:
                 found[start:end] = True
         return found
@@ -257,6 +260,21 @@ def free_and_saturated(
     free = constant(f < low + pull + width, f < middle, top=False)
     saturated = constant(f > high - width, f > middle, top=True)
     return (free if free.any() else None), bool(saturated.any())
+
+
+def follows(x: Floats, v: Floats, f: Floats, stiffness: float) -> bool:
+    """Return whether a force that seems constant follows position and velocity, as in contact.
+
+    The force of a body with damping is smallest before the reversal, and nearly constant while the
+    damping force increases and the elastic force decreases. It is still that of a spring and a
+    damper. `stiffness` is that of the specimen at forces near this one [N/m].
+    """
+    columns = np.column_stack([np.ones(len(x)), v, x])
+    theta = np.linalg.lstsq(columns / np.abs(columns).max(axis=0), f, rcond=1e-10)[0]
+    theta = theta / np.abs(columns).max(axis=0)
+    rest = float(np.var(f - columns @ theta))
+    explained = rest < (1.0 - LEAST_FOLLOWED_R2) * float(np.var(f))
+    return explained and bool(theta[2] > LEAST_FOLLOWED_STIFFNESS * stiffness)
 
 
 def adhesion(record: SmoothedRecord) -> float | None:

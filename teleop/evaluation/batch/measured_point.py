@@ -224,7 +224,7 @@ def gap_at(record: SmoothedRecord, phases: Phases, local: LocalStiffness) -> Rea
     loadings = []
     for phase in phases.phases:
         part = np.arange(phase.start, phase.end)[phases.usable[phase.start : phase.end]]
-        if phase.name == "loading" and len(part) > GAP_PARTS:
+        if phase.name == "loading" and 2 * len(part) > GAP_PARTS:
             x = np.maximum.accumulate(record.x[part])
             if x[0] < grid[GAP_SIDE] and x[-1] > grid[-1 - GAP_SIDE]:
                 loadings.append(np.interp(grid, x, elastic[part], np.nan, np.nan))

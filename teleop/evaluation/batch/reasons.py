@@ -87,8 +87,8 @@ def unsuited(record: SmoothedRecord, phases: Phases) -> Reason | None:
         before, after, position = fall
         return Reason(
             f"the force falls from {before:.3g} to {after:.3g} N in loading, at a position of "
-            f"{position * 1e3:.4g} mm: the specimen is punctured or slips. Expected a recording "
-            "that ends before"
+            f"{position * 1e3:.4g} mm: the specimen is punctured, slips or softens suddenly. Expected "
+            "a recording that ends before"
         )
     if rise := rise_at_rest(record):
         return Reason(

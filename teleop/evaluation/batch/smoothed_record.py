@@ -174,6 +174,8 @@ class SmoothedRecord:
     (`teleop.evaluation.batch.strokes`). False if it is computed from the spectra."""
     force_lag: float
     """Time constant of the force channel that is compensated [s]; 0 if no lag is compensated."""
+    sampling_period: float
+    """Period of the measured samples, of which several are averaged in a grid period [s]."""
 
     @cached_property
     def clock(self) -> Floats:
@@ -352,4 +354,5 @@ def smoothed_record(resampled: ResampledRecord, bandwidth: float | None = None) 
         f_rounding=repeated_rounding(resampled.f_count, resampled.f_noise),
         ramp=resampled.ramp,
         force_lag=resampled.force_lag,
+        sampling_period=period,
     )
