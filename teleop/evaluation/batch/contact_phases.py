@@ -33,6 +33,7 @@ from numpy.typing import NDArray
 
 from estimation.arrays import Floats
 from estimation.baseline import without_baseline
+from estimation.robust_error import robust_fit
 from estimation.stiffening import Interval
 from teleop.evaluation.batch.contact_point import contact_point
 from teleop.evaluation.batch.masks import eroded, hysteresis, runs, without_short
@@ -251,9 +252,10 @@ def free_and_saturated(
             spread = float(np.ptp(np.percentile(f[start:end], [5.0, 95.0])))
             is_peak = is_peak or spread > MOST_LEVEL_WIDTHS * width + (0.0 if top else pull)
             travel, moved = (continued(one, start, end, top, margin) for one in (x, record.x))
-            is_peak = is_peak or follows(x[start:end], v[start:end], elastic[start:end], stiffness)
-            if not is_peak and travel > allowed and moved > LEAST_MOVED * allowed:
-                found[start:end] = True
+            if is_peak or travel <= allowed or moved <= LEAST_MOVED * allowed:
+                continue
+            part = slice(start, end)
+            found[part] = top or not follows(x[part], v[part], elastic[part], stiffness)
         return found
 
     middle = 0.5 * (low + high)
@@ -269,12 +271,9 @@ def follows(x: Floats, v: Floats, f: Floats, stiffness: float) -> bool:
     damping force increases and the elastic force decreases. It is still that of a spring and a
     damper. `stiffness` is that of the specimen at forces near this one [N/m].
     """
-    columns = np.column_stack([np.ones(len(x)), v, x])
-    theta = np.linalg.lstsq(columns / np.abs(columns).max(axis=0), f, rcond=1e-10)[0]
-    theta = theta / np.abs(columns).max(axis=0)
-    rest = float(np.var(f - columns @ theta))
-    explained = rest < (1.0 - LEAST_FOLLOWED_R2) * float(np.var(f))
-    return explained and bool(theta[2] > LEAST_FOLLOWED_STIFFNESS * stiffness)
+    fit = robust_fit(np.column_stack([np.ones(len(x)), v, x]), f)
+    explained = float(np.var(fit.residual)) < (1.0 - LEAST_FOLLOWED_R2) * float(np.var(f))
+    return explained and bool(fit.theta[2] > LEAST_FOLLOWED_STIFFNESS * stiffness)
 
 
 def adhesion(record: SmoothedRecord) -> float | None:
