@@ -322,17 +322,18 @@ def isolated_cycles(cycles: Cycles) -> tuple[int, int] | None:
     In a short record, the differences between successive cycles are too few for a statistic. If
     three cycles or more have nearly the same stiffness, their spread is that of a constant body.
     Two are sufficient if the others differ by much more than the errors from the residuals, and so
-    is a single other cycle beside three equal ones in a short record. A cycle in which the
+    is a single other cycle beside three equal ones in a short record. There, a cycle in which the
     stiffness changes has a large residual, and counts as equal within the error from it.
     """
     if len(cycles.k) < FEWEST_TREND_CYCLES:
         return None
     k, travel = cycles.k, cycles.travel
-    uncertain = np.minimum(LEVEL_95 * cycles.error, LEAST_CHANGE * np.abs(k))
+    short = len(k) < FEWEST_COMPARED_CYCLES
+    uncertain = np.minimum(LEVEL_95 * cycles.error, LEAST_CHANGE * np.abs(k)) if short else 0.0
     alike = np.abs(k - k[:, None]) < np.maximum(SAME_STIFFNESS * np.abs(k[:, None]), uncertain)
     group = alike[int(np.argmax(alike.sum(axis=1)))]
     centre = float(np.median(k[group]))
-    limit = SAME_TRAVEL if len(k) >= FEWEST_COMPARED_CYCLES else EQUAL_TRAVEL
+    limit = EQUAL_TRAVEL if short else SAME_TRAVEL
     same_travel = np.abs(travel / np.median(travel[group]) - 1.0) < limit
     best = (0, 0)
     for sign in (-1.0, 1.0):

@@ -21,6 +21,7 @@ from teleop.evaluation.batch.smoothed_record import SmoothedRecord
 from teleop.evaluation.batch.strokes import is_single_stroke, typical_speed
 from teleop.evaluation.batch.thresholds import (
     BAD_FIT_R2,
+    BASELINE_STEPS,
     BETTER_BIC,
     BETTER_RESIDUAL,
     CONSTANT_SPEED,
@@ -296,7 +297,9 @@ def reasons_before_fit(record: SmoothedRecord, phases: Phases) -> list[Reason]:
     return found
 
 
-def reasons_after_fit(local: LocalStiffness, half_k: float, phases: Phases) -> list[Reason]:
+def reasons_after_fit(
+    record: SmoothedRecord, phases: Phases, local: LocalStiffness, half_k: float
+) -> list[Reason]:
     """Return the reasons why a fitted stiffness is not reported; empty if there are none."""
     if local.k + half_k < 0.0:
         return [
@@ -328,6 +331,8 @@ def reasons_after_fit(local: LocalStiffness, half_k: float, phases: Phases) -> l
         why, hint = "noise, or too little motion", ""
         if local.best.times:
             why = "the force relaxes, so that k depends on the speed, which varies in this motion"
+            if max(local.best.times) > float(record.clock[-1]):
+                why = "the force changes slowly over the record: it drifts, or the tip slides"
         elif local.best.degree > 1:
             why, hint = "it depends on depth or time", SLOPES
         return [Reason(f"the stiffness is not determined{where}: {value} ({why})", hint)]
@@ -380,7 +385,9 @@ def remarks(
                 f"bad fit: {1.0 - local.r2:.0%} of the force variance in contact is not explained"
             )
         )
-    if local.baseline_size > SMALL_BASELINE * size:
+    # the rounding error of a coarse sensor varies slowly where the motion and the samples beat
+    rounding = abs(best.k) * record.count + record.f_count
+    if local.baseline_size > SMALL_BASELINE * size + BASELINE_STEPS * rounding:
         found.append(
             Reason(
                 f"a baseline is removed ({local.baseline_size:.3g} N peak to peak, below "

@@ -272,7 +272,7 @@ def stiffness_result(
     change = change_over_cycles(cycles)
     drift = drift_of_lag(cycles)
     where = measured_point(record, phases, local, half_k)
-    against = reasons_after_fit(local, half_k, phases)
+    against = reasons_after_fit(record, phases, local, half_k)
     if change and (against or change.with_frequency):
         against = [Reason(change.text)]
     if drift and drift.phase > LARGEST_PHASE_DRIFT:

@@ -398,6 +398,9 @@ SUFFICIENT_RESIDUAL = 0.02
 """If the residual of the Kelvin-Voigt model is below this fraction of the typical force, the model
 is sufficient. The typical force is 0.35 times the force range, which is the root mean square of a
 sine."""
+BASELINE_STEPS = 2.0
+"""Peak-to-peak size of a baseline that the rounding of position and force can cause, in steps of
+their resolution."""
 SMALL_BASELINE = 0.05
 """Peak-to-peak size of the baseline below which no remark on it is made, as a fraction of the force
 range. The baseline is the part of the force that is slower than the palpation."""
