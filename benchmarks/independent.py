@@ -23,8 +23,8 @@ lost motion and lag. k and b are judged separately:
 
 A false alarm is a remark on a record without a fault that states no true fact of the case. A remark
 on another cause counts neither as `named` nor as allowed. Lost motion is invented if the result
-contains it, for a body without fault on a transmission without lost motion. Seed 1 is for development. An acceptance
-run uses a seed that was never used before.
+contains it, for a body without fault on a transmission without lost motion. Seed 1 is for
+development. An acceptance run uses a seed that was never used before.
 """
 
 from __future__ import annotations

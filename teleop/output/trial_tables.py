@@ -13,7 +13,7 @@ from teleop.names import ISOMETRIC
 from teleop.output.console import plain_console
 from teleop.output.estimate_tables import left_out_lines, print_estimated, print_online
 from teleop.output.next_command import print_command
-from teleop.output.result_tables import print_best_model, print_result, true_numbers
+from teleop.output.result_tables import print_result, true_numbers
 from teleop.printable import wrapped
 from teleop.recording.gaps import Gap, missing_text
 from teleop.safety.events import time_text
@@ -33,7 +33,6 @@ def print_trial(summary: Mapping[str, Any], details: bool) -> None:
         console.print("INTERRUPTED before the end", style="bold yellow")
     title = f"{summary['condition']}, {summary['specimen']}, {duration(summary)}"
     print_result(summary, title)
-    print_best_model(summary)
     if summary["pairs"]:
         print_results(console, summary, details)
     loop = summary["loop"]

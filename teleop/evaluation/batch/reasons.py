@@ -21,7 +21,6 @@ from teleop.evaluation.batch.smoothed_record import SmoothedRecord
 from teleop.evaluation.batch.strokes import is_single_stroke, typical_speed
 from teleop.evaluation.batch.thresholds import (
     BAD_FIT_R2,
-    BASELINE_STEPS,
     BETTER_BIC,
     BETTER_RESIDUAL,
     CONSTANT_SPEED,
@@ -88,8 +87,8 @@ def unsuited(record: SmoothedRecord, phases: Phases) -> Reason | None:
         before, after, position = fall
         return Reason(
             f"the force falls from {before:.3g} to {after:.3g} N in loading, at a position of "
-            f"{position * 1e3:.4g} mm: the specimen is punctured, slips or softens suddenly. Expected "
-            "a recording that ends before"
+            f"{position * 1e3:.4g} mm: the specimen is punctured, slips or softens suddenly. "
+            "Expected a recording that ends before"
         )
     if rise := rise_at_rest(record):
         return Reason(
@@ -385,9 +384,7 @@ def remarks(
                 f"bad fit: {1.0 - local.r2:.0%} of the force variance in contact is not explained"
             )
         )
-    # the rounding error of a coarse sensor varies slowly where the motion and the samples beat
-    rounding = abs(best.k) * record.count + record.f_count
-    if local.baseline_size > SMALL_BASELINE * size + BASELINE_STEPS * rounding:
+    if local.baseline_size > SMALL_BASELINE * size:
         found.append(
             Reason(
                 f"a baseline is removed ({local.baseline_size:.3g} N peak to peak, below "

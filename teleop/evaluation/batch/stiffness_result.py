@@ -322,8 +322,9 @@ def stiffness_result(
         )
     by_lag = 1e-3 * local.k  # decrease of b for each millisecond
     if not unknown and not record.force_lag and by_lag > NOTABLE_LAG * abs(local.b):
+        beside = " besides that of its filter" if record.filter_delay else ""
         remark = Reason(
-            f"a lag of the force is not known: each millisecond of it makes b smaller by "
+            f"a lag of the force{beside} is not known: each millisecond of it makes b smaller by "
             f"{DAMPING.text(by_lag, '.3g')}; a lag of the position makes b larger by as much",
             LAG,
         )

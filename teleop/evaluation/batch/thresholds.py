@@ -398,11 +398,11 @@ SUFFICIENT_RESIDUAL = 0.02
 """If the residual of the Kelvin-Voigt model is below this fraction of the typical force, the model
 is sufficient. The typical force is 0.35 times the force range, which is the root mean square of a
 sine."""
-BASELINE_STEPS = 2.0
-"""Peak-to-peak size of a baseline that the rounding of position and force can cause, in steps of
-their resolution."""
+BASELINE_PERCENTILES = (2.0, 98.0)
+"""Percentiles of the baseline whose difference is its size. The cosines are uncertain at the two
+ends of the record, where a coarse position changes them by 20 % of the force range."""
 SMALL_BASELINE = 0.05
-"""Peak-to-peak size of the baseline below which no remark on it is made, as a fraction of the force
+"""Size of the baseline below which no remark on it is made, as a fraction of the force
 range. The baseline is the part of the force that is slower than the palpation."""
 FEWEST_INDEPENDENT = 35
 """Number of independent samples that the intervals need. If there are fewer, a remark says so.

@@ -122,7 +122,8 @@ def test_the_result_of_a_trial_on_the_default_rig_is_right(tmp_path, capsys):
     assert found["lost_motion_m"] == found["transmission"]["lost_motion_m"]
     assert main(["estimate", path, "--details"]) == 0
     out = capsys.readouterr().out
-    assert "k and b: transmission in series, corrected for lag 2.66 ms, lost motion 122 um" in out
+    assert "k and b are those of specimen and transmission in series" in out
+    assert "k and b are corrected for a lag of 2.66 ms and lost motion of 122 um" in out
     assert "the online estimates are not corrected" not in out
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from estimation.testing_records import relaxed
-from estimation.transmission import TransmissionCalibration
+from estimation.transmission import TransmissionCalibration, stated_lag
 from teleop.evaluation.batch.analysis import Analysis, analyse
 from teleop.evaluation.reading.signals import Signals, periods
 
@@ -57,3 +57,15 @@ def test_a_noisy_ramp_that_needs_no_relaxation_has_no_lag():
     assert found.local.best.times
     assert found.local.lag is None
     assert not any("lags behind" in reason for reason in found.result.reasons)
+
+
+def test_the_form_of_a_long_stated_lag_is_that_which_the_record_shows():
+    """Between the forms, the force of a pure delay looks like that of a relaxing body."""
+    at = T - 20e-3
+    f = 500.0 * position(at) + 4.0 * np.gradient(position(at), T)
+    f += np.random.default_rng(0).normal(0.0, 0.01, len(T))
+    known = stated_lag(TransmissionCalibration(), 20e-3)
+    found = analyse(Signals(T, position(T), f, periods(T), "position"), known)
+    assert found.transmission.delay_share == 1.0
+    assert found.result.b == pytest.approx(4.0, rel=0.03)
+    assert found.result.k == pytest.approx(500.0, rel=5e-3)
