@@ -97,13 +97,13 @@ class Change(NamedTuple):
             )
         if self.during:
             return (
-                f"the stiffness changes over the cycles, from {STIFFNESS.shown(first):.4g} to "
+                f"the stiffness changes over the cycles, from {STIFFNESS.short(first, '.4g')} to "
                 f"{final} between {self.during[0]:.3g} and {self.during[1]:.3g} s (medians of the "
                 "other cycles and of these cycles)"
             )
         return (
             f"the stiffness changes over the cycles, from "
-            f"{STIFFNESS.shown(first):.4g} to {final} (medians "
+            f"{STIFFNESS.short(first, '.4g')} to {final} (medians "
             "of the first and of the last cycles)"
         )
 

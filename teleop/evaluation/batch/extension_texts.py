@@ -125,7 +125,7 @@ def phrases(local: LocalStiffness, surface: Value, sinusoidal: bool) -> list[str
         depth = depth_of(place, surface)
         low, high = (1e3 * depth.interval[end] for end in ("low", "high"))
         found.append(
-            f"the stiffness changes at a depth of {1e3 * depth.value:.3g} mm (95 % "
+            f"the stiffness changes at a depth of {1e3 * depth.value:.4g} mm (95 % "
             f"interval {low:.4g} to {high:.4g}): {STIFFNESS.text(before.value, '.4g')} before, "
             f"{STIFFNESS.text(after.value, '.4g')} after"
         )

@@ -171,7 +171,7 @@ def measured_point(
     if elsewhere and high - low > 1.35 * LARGEST_SLOPE_SCATTER * abs(middle):
         return Reason(
             f"the stiffness is not determined: the slopes of the cycles scatter (quartiles "
-            f"{STIFFNESS.shown(float(low)):.4g} and {STIFFNESS.text(float(high), '.4g')}), and no "
+            f"{STIFFNESS.short(float(low), '.4g')} and {STIFFNESS.text(float(high), '.4g')}), and no "
             f"cycle contains {stated.force:.3g} N, the middle of the force range of the model. The "
             "surface moves or the tip slides, so that the position does not determine the depth"
         )

@@ -348,6 +348,7 @@ def stiffness_result(
     lowest = "lowest position" if phases.free_force is None else "lowest position in contact"
     depth_from = "contact point" if point else lowest
     reasons, hints = texts_and_hints(found)
+    times = reported_times(local.best.times)
     return StiffnessResult(
         k=local.k,
         k_low=local.k - half_k,
@@ -363,7 +364,8 @@ def stiffness_result(
         depth=depth,
         secant=secant,
         secant_change=secant_change,
-        times=() if local.lag or local.best.is_storage else reported_times(local.best.times),
+        # a change of the stiffness looks like a relaxation
+        times=() if local.lag or local.best.is_storage or change else times,
         depth_error=0.5 * (point.high - point.low) if point else 0.0,
         depth_from=depth_from,
         b_reason=unusable.text if unusable else "",
