@@ -171,9 +171,9 @@ def measured_point(
     if elsewhere and high - low > 1.35 * LARGEST_SLOPE_SCATTER * abs(middle):
         return Reason(
             f"the stiffness is not determined: the slopes of the cycles scatter (quartiles "
-            f"{STIFFNESS.short(float(low), '.4g')} and {STIFFNESS.text(float(high), '.4g')}), and no "
-            f"cycle contains {stated.force:.3g} N, the middle of the force range of the model. The "
-            "surface moves or the tip slides, so that the position does not determine the depth"
+            f"{STIFFNESS.short(float(low), '.4g')} and {STIFFNESS.text(float(high), '.4g')}), and "
+            f"no cycle contains {stated.force:.3g} N, the middle of the force range of the model. "
+            "The surface moves or the tip slides, so that the position does not determine the depth"
         )
     # the median of n values has 1.25 times the standard error of their mean
     half = LEVEL_95 * 1.25 * scatter / math.sqrt(len(k))
