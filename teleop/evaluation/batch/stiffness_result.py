@@ -255,7 +255,7 @@ def stiffness_result(
     )
     if not frequency_of_loss(local):
         share = damping_at_position(record, phases, local, transmission.compliance)
-        half_b = math.hypot(share * half_b, UNCERTAIN_CORRECTION * (share - 1.0) * local.b)
+        half_b = math.hypot(half_b, UNCERTAIN_CORRECTION * (share - 1.0) * local.b)
         local = replace(local, b=share * local.b)
     lock_in = None
     if record.sinusoidal and phases.free_force is None and frequency_of_loss(local):
