@@ -323,7 +323,8 @@ def analyse(signals: Signals, transmission: TransmissionCalibration = RIGID) -> 
     if harmonic := coarse_sine(signals, transmission, faults):
         return harmonic
     analysis = fitted(signals, transmission, faults)
-    if transmission.delay_share_error >= LEAST_UNKNOWN_SHARE:
+    stated = transmission.force_lag and not transmission.force_lag_error
+    if stated and transmission.delay_share_error >= LEAST_UNKNOWN_SHARE:
         analysis = with_form_of_lag(analysis, signals, faults)
         transmission = analysis.transmission
     if transmission.lost_motion or analysis.local is None:

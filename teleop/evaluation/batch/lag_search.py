@@ -42,7 +42,7 @@ def lag_instead_of_relaxation(rows: RegressionRows, best: Candidate) -> ForceLag
     explain.
     """
     record = rows.record
-    if not best.times or best.extensions:
+    if not best.times or best.extensions or best.is_storage:  # k' and k'' of one frequency
         return None
     depth = rows.normalised(record.raw_x)
     powers = range(1, best.degree + 1)
