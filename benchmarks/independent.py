@@ -22,8 +22,9 @@ lost motion and lag. k and b are judged separately:
 - unnamed: rightly withheld, but with another cause as the reason.
 
 A false alarm is a remark on a record without a fault that states no true fact of the case. A remark
-on another cause counts neither as `named` nor as allowed. Seed 1 is for development. An acceptance
-run uses a seed that was never used before.
+on another cause counts neither as `named` nor as allowed. Lost motion is invented if the result
+contains it, for a body without fault on a transmission without lost motion. Seed 1 is for
+development. An acceptance run uses a seed that was never used before.
 """
 
 from __future__ import annotations
@@ -354,6 +355,8 @@ def summary(rows: list[dict[str, Any]]) -> str:
     totals = {s: Counter(row[s]["verdict"] for row in rows) for s in "kb"}
     clean = sum(not kind.cause for kind in KINDS for row in rows if row["kind"] == kind.name)
     alarms = sum(bool(row["false_alarms"]) for row in rows)
+    rigid = {kind.name for kind in KINDS if not kind.cause and not kind.link}
+    found = [bool(row["result"].get("lost_motion_m")) for row in rows if row["kind"] in rigid]
 
     def total(verdict: str) -> str:
         return f"k {totals['k'][verdict]}, b {totals['b'][verdict]}"
@@ -365,6 +368,7 @@ def summary(rows: list[dict[str, Any]]) -> str:
         f"needless refusals: {total('refused')}",
         f"withheld for another reason than the cause: {total('unnamed')}",
         f"false alarms: {alarms} of {clean} records without a fault",
+        f"lost motion invented: {sum(found)} of {len(found)} records without fault and lost motion",
     ]
     return "\n".join(lines)
 

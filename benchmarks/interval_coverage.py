@@ -132,6 +132,8 @@ class Tissue:
     form: str = "play"
     delay: bool = False
     """Whether the lag of the force channel is a pure delay, and not of first order."""
+    compliance: tuple[float, float] = (0.02, 0.08)
+    """Range of the product of compliance and stiffness."""
     ranges: dict[str, tuple[float, float]] = field(default_factory=dict)
 
     @property
@@ -147,7 +149,7 @@ class Tissue:
             self.steady,
             lambda draw, x, dt, body: link(rig_of(draw, self.form))(draw, x, dt, body),
             (lambda draw, t, x, f: (x, sensed(rig_of(draw, self.form), f, t[1] - t[0])),),
-            prepare=lambda draw: draw_rig(draw, self.delay),
+            prepare=lambda draw: draw_rig(draw, self.delay, self.compliance),
             ranges=RANGES | self.ranges,
         )
         return simulate(kind, seed, repeat)
@@ -180,13 +182,13 @@ def generator(name: str, seed: int, repeat: int) -> np.random.Generator:
     return np.random.default_rng([zlib.crc32(name.encode()), seed, repeat])
 
 
-def draw_rig(draw: Draw, delay: bool) -> None:
+def draw_rig(draw: Draw, delay: bool, compliance: tuple[float, float]) -> None:
     """Draw a transmission for a record of tissue."""
     draw.notes |= {
         "force lag": min(log_uniform(draw.rng, 1e-3, 8e-3), 0.1 / draw.omega),
         "share": float(delay),
         "lost motion": draw.amplitude * draw.uniform(0.02, 0.06),
-        "compliance": draw.uniform(0.02, 0.08) / draw.k,
+        "compliance": draw.uniform(*compliance) / draw.k,
     }
 
 
@@ -322,6 +324,8 @@ KINDS: list[Spring | Tissue] = [
     Tissue("linear, sine, delay", kinds.linear, kinds.sine, True, delay=True),
     Tissue("linear, several sines, delay", kinds.linear, kinds.several_sines, delay=True),
     Tissue("Hunt-Crossley, presses", kinds.depth_damped(None, 0.1, 0.3), kinds.presses,
+           ranges=PRESSES),
+    Tissue("Fung, presses, compliance", kinds.stiffening, kinds.presses, compliance=(0.1, 0.2),
            ranges=PRESSES),
     Tissue("Maxwell arms, sine", kinds.solid, kinds.sine, True),
     Tissue("layers, sine", kinds.layers((2.0, 6.0), 0.1, (0.3, 0.7)), kinds.sine, True),

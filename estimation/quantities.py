@@ -60,11 +60,12 @@ class Quantity:
 
     def text(self, value: float, form: str = "") -> str:
         """Return an SI value as text with its unit; `form` is a format such as `.3g`."""
-        return (
-            f"{self.shown(value):{form}} {self.unit}"
-            if form
-            else f"{self.number(value)} {self.unit}"
-        )
+        return f"{self.short(value, form) if form else self.number(value)} {self.unit}"
+
+    def short(self, value: float, form: str) -> str:
+        """Return an SI value as text without its unit, and without exponent below ten million."""
+        text = f"{self.shown(value):{form}}"
+        return f"{float(text):.0f}" if "e+" in text and abs(float(text)) < 1e7 else text
 
     def axis(self, largest: float) -> tuple[float, str]:
         """Return factor and unit of an axis whose values are up to `largest` (both from SI)."""

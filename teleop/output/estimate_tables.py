@@ -14,7 +14,6 @@ from estimation.quantities import DAMPING, FORCE_ERROR, RESULTS, STIFFNESS, Quan
 from teleop.names import FORCE_SENSOR
 from teleop.output.console import number, plain_console, print_table, small
 from teleop.output.result_tables import (
-    print_best_model,
     print_models,
     print_result,
     print_result_details,
@@ -227,16 +226,14 @@ def print_reading(console: Console, summary: Mapping[str, Any]) -> None:
 def print_evaluation(summary: Mapping[str, Any], name: str, details: bool) -> None:
     """Print the document that `teleop estimate --json` writes.
 
-    Without `details`, the usual text fits a terminal of 24 lines: the result, the best batch model,
-    the final estimates, and warnings.
+    Without `details`, the usual text fits a terminal of 24 lines: the result, the final
+    estimates, and warnings.
     """
     console = plain_console()
     print_result(summary, name)
     if details:
         print_result_details(summary)
         print_models(summary)
-    else:
-        print_best_model(summary)
     if summary.get("steps"):
         print_steps(summary["steps"])
     print_online(summary, {LEAST_SQUARES: summary["least_squares"]}, details)

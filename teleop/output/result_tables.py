@@ -86,7 +86,7 @@ def print_result_details(summary: Mapping[str, Any]) -> None:
 
 
 CORRECTIONS = (
-    ("lag", "force_lag_s", 1e3, "ms"),
+    ("a lag", "force_lag_s", 1e3, "ms"),
     ("lost motion", "lost_motion_m", 1e6, "um"),
 )
 """Corrections of the result: name, key in the summary, factor and unit of the shown value."""
@@ -169,15 +169,14 @@ def meaning_lines(summary: Mapping[str, Any]) -> list[str]:
         lines.append("b is the damping at the depth of k")
     transmission = summary.get("transmission") or {}
     corrected = [
-        f"{name} {factor * transmission[key]:.3g} {unit}"
+        f"{name} of {factor * transmission[key]:.3g} {unit}"
         for name, key, factor, unit in CORRECTIONS
         if transmission.get(key)
     ]
-    meaning = ["transmission in series"] if result["k_tip"] else []
+    if result["k_tip"]:
+        lines.append("k and b are those of specimen and transmission in series")
     if corrected:
-        meaning.append(f"corrected for {', '.join(corrected)}")
-    if meaning:
-        lines.append(f"k and b: {', '.join(meaning)}")
+        lines.append(f"k and b are corrected for {' and '.join(corrected)}")
     return lines
 
 
@@ -315,17 +314,6 @@ def print_models(summary: Mapping[str, Any]) -> None:
     for fit in models:
         cells = [parameter_text(name, one) for name, one in fit["parameters"].items()]
         console.print(f"  {fit['name']}: {', '.join(cells)}")
-
-
-def print_best_model(summary: Mapping[str, Any]) -> None:
-    """Print the best batch model with its parameters; nothing without such a model."""
-    for fit in summary["models"]:
-        if fit["name"] == summary["best_model"]:
-            parameters = [parameter_text(name, one) for name, one in fit["parameters"].items()]
-            plain_console().print(
-                f"  best batch model: {fit['name']}, rms error {small(fit['rms'])} N: "
-                f"{', '.join(parameters)}"
-            )
 
 
 def parameter_text(name: str, one: Mapping[str, Any]) -> str:

@@ -19,7 +19,7 @@ from teleop.output.estimate_tables import (
     print_online,
 )
 from teleop.output.next_command import print_command
-from teleop.output.result_tables import print_best_model, print_result, true_numbers
+from teleop.output.result_tables import print_result, true_numbers
 from teleop.output.step_tables import print_steps
 from teleop.printable import wrapped
 from teleop.recording.gaps import Gap, missing_text
@@ -48,7 +48,6 @@ def print_trial(summary: Mapping[str, Any], details: bool) -> None:
         console.print(f"  wanted {wanted}; {missed}{until['text']}")
     for choice in summary["choices"]:
         console.print(f"  at {choice['time_s']:.1f} s, {choice['text']}")
-    print_best_model(summary)
     if summary["steps"]:
         print_steps(summary["steps"])
     if summary["pairs"]:

@@ -19,6 +19,7 @@ from estimation.quantities import STIFFNESS
 from estimation.robust_error import robust_fit
 from estimation.smoothing import CORNER
 from estimation.transmission import RIGID, TransmissionCalibration
+from teleop.evaluation.batch.candidate import MASS
 from teleop.evaluation.batch.complex_stiffness import ComplexStiffness, complex_stiffness
 from teleop.evaluation.batch.constancy import cycles_of
 from teleop.evaluation.batch.contact_phases import Phase, Phases, find_phases
@@ -28,7 +29,7 @@ from teleop.evaluation.batch.interference import interference
 from teleop.evaluation.batch.local_stiffness import LocalStiffness, local_stiffness
 from teleop.evaluation.batch.lost_motion import find_lost_motion
 from teleop.evaluation.batch.reasons import reasons_before_fit
-from teleop.evaluation.batch.regression_rows import RegressionRows
+from teleop.evaluation.batch.regression_rows import RegressionRows, sharp_position
 from teleop.evaluation.batch.sampling_checks import without_sampling_faults
 from teleop.evaluation.batch.smoothed_record import SmoothedRecord, resample, smoothed_record
 from teleop.evaluation.batch.stiffness_result import (
@@ -75,9 +76,9 @@ def motion_of(record: SmoothedRecord) -> MotionSummary:
     """Return frequency, amplitude, travel and shape of the motion in a record.
 
     They are computed from the smoothed position. Smoothing makes the amplitude smaller. This effect
-    is nearly compensated (`SmoothedRecord.sharpened`).
+    is compensated (`sharp_position`).
     """
-    x = record.sharpened(record.x)
+    x = sharp_position(record)
     travel = float(np.ptp(x))
     palpation = without_baseline(x, record.order)
     turns = turning_points(palpation, least_stroke(palpation))[1:-1]
@@ -92,6 +93,9 @@ def motion_of(record: SmoothedRecord) -> MotionSummary:
     return MotionSummary(frequency, half, travel, found, record.fundamental_share)
 
 
+LEAST_UNKNOWN_SHARE, KNOWN_SHARE_ERROR = 0.5, 0.25
+"""Error of the share of a pure delay in a lag with which its form is not known, and that of a form
+that the record shows. Three shares are tried: 0, 0.5 and 1."""
 WIDER_BAND = 1.6
 """Ratio of a second smoothing bandwidth to the first. The change of k between the two bandwidths
 widens the interval of k."""
@@ -319,6 +323,10 @@ def analyse(signals: Signals, transmission: TransmissionCalibration = RIGID) -> 
     if harmonic := coarse_sine(signals, transmission, faults):
         return harmonic
     analysis = fitted(signals, transmission, faults)
+    stated = transmission.force_lag and not transmission.force_lag_error
+    if stated and transmission.delay_share_error >= LEAST_UNKNOWN_SHARE:
+        analysis = with_form_of_lag(analysis, signals, faults)
+        transmission = analysis.transmission
     if transmission.lost_motion or analysis.local is None:
         return analysis
     found = find_lost_motion(analysis.record, analysis.phases, analysis.local.best)
@@ -337,6 +345,27 @@ def analyse(signals: Signals, transmission: TransmissionCalibration = RIGID) -> 
     if reasons_before_fit(corrected.record, corrected.phases) or (line and line.hides_stiffness):
         return analysis  # another fault, which lost motion does not explain
     return replace(corrected, result=with_lost_motion(corrected.result, analysis.local, found))
+
+
+def with_form_of_lag(analysis: Analysis, signals: Signals, faults: Sequence[Reason]) -> Analysis:
+    """Return the evaluation with the form of a stated lag that describes the force clearly better.
+
+    A lag of a wrong form leaves a force that looks like that of a relaxation, or of a mass. Without
+    such a force in the best model, and if no form is clearly better, `analysis` is returned.
+    """
+    if not (analysis.local and (analysis.local.best.times or analysis.local.best.part(MASS))):
+        return analysis
+    best = analysis
+    for share in (0.0, 1.0):
+        known = replace(
+            analysis.transmission, delay_share=share, delay_share_error=KNOWN_SHARE_ERROR
+        )
+        other = fitted(signals, known, faults)
+        if other.local is None or best.local is None or other.local.samples != best.local.samples:
+            continue
+        if other.local.best.bic < best.local.best.bic - BETTER_BIC:
+            best = other
+    return best
 
 
 def coarse_sine(

@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from scipy.special import stdtrit
 
 from estimation.arrays import Floats
+from estimation.estimator import LEVEL_95
 from estimation.quantities import STIFFNESS
 from estimation.robust_error import robust_fit
 from teleop.evaluation.batch.contact_phases import Phases
@@ -96,13 +97,13 @@ class Change(NamedTuple):
             )
         if self.during:
             return (
-                f"the stiffness changes over the cycles, from {STIFFNESS.shown(first):.4g} to "
+                f"the stiffness changes over the cycles, from {STIFFNESS.short(first, '.4g')} to "
                 f"{final} between {self.during[0]:.3g} and {self.during[1]:.3g} s (medians of the "
                 "other cycles and of these cycles)"
             )
         return (
             f"the stiffness changes over the cycles, from "
-            f"{STIFFNESS.shown(first):.4g} to {final} (medians "
+            f"{STIFFNESS.short(first, '.4g')} to {final} (medians "
             "of the first and of the last cycles)"
         )
 
@@ -321,15 +322,18 @@ def isolated_cycles(cycles: Cycles) -> tuple[int, int] | None:
     In a short record, the differences between successive cycles are too few for a statistic. If
     three cycles or more have nearly the same stiffness, their spread is that of a constant body.
     Two are sufficient if the others differ by much more than the errors from the residuals, and so
-    is a single other cycle beside three equal ones in a short record.
+    is a single other cycle beside three equal ones in a short record. There, a cycle in which the
+    stiffness changes has a large residual, and counts as equal within the error from it.
     """
     if len(cycles.k) < FEWEST_TREND_CYCLES:
         return None
     k, travel = cycles.k, cycles.travel
-    alike = np.abs(k - k[:, None]) < SAME_STIFFNESS * np.abs(k[:, None])
+    short = len(k) < FEWEST_COMPARED_CYCLES
+    uncertain = np.minimum(LEVEL_95 * cycles.error, LEAST_CHANGE * np.abs(k)) if short else 0.0
+    alike = np.abs(k - k[:, None]) < np.maximum(SAME_STIFFNESS * np.abs(k[:, None]), uncertain)
     group = alike[int(np.argmax(alike.sum(axis=1)))]
     centre = float(np.median(k[group]))
-    limit = SAME_TRAVEL if len(k) >= FEWEST_COMPARED_CYCLES else EQUAL_TRAVEL
+    limit = EQUAL_TRAVEL if short else SAME_TRAVEL
     same_travel = np.abs(travel / np.median(travel[group]) - 1.0) < limit
     best = (0, 0)
     for sign in (-1.0, 1.0):

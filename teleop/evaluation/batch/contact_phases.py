@@ -33,6 +33,7 @@ from numpy.typing import NDArray
 
 from estimation.arrays import Floats
 from estimation.baseline import without_baseline
+from estimation.robust_error import robust_fit
 from estimation.stiffening import Interval
 from teleop.evaluation.batch.contact_point import contact_point
 from teleop.evaluation.batch.masks import eroded, hysteresis, runs, without_short
@@ -49,6 +50,8 @@ from teleop.evaluation.batch.thresholds import (
     LARGEST_HOLD_MOTION,
     LARGEST_PULL_NOISE,
     LEAST_ADHESION,
+    LEAST_FOLLOWED_R2,
+    LEAST_FOLLOWED_STIFFNESS,
     LEAST_LEVEL_WIDTH,
     LEAST_MOVED,
     LEAST_PEAK,
@@ -249,14 +252,28 @@ def free_and_saturated(
             spread = float(np.ptp(np.percentile(f[start:end], [5.0, 95.0])))
             is_peak = is_peak or spread > MOST_LEVEL_WIDTHS * width + (0.0 if top else pull)
             travel, moved = (continued(one, start, end, top, margin) for one in (x, record.x))
-            if not is_peak and travel > allowed and moved > LEAST_MOVED * allowed:
-                found[start:end] = True
+            if is_peak or travel <= allowed or moved <= LEAST_MOVED * allowed:
+                continue
+            part = slice(start, end)
+            found[part] = top or not follows(x[part], v[part], elastic[part], stiffness)
         return found
 
     middle = 0.5 * (low + high)
     free = constant(f < low + pull + width, f < middle, top=False)
     saturated = constant(f > high - width, f > middle, top=True)
     return (free if free.any() else None), bool(saturated.any())
+
+
+def follows(x: Floats, v: Floats, f: Floats, stiffness: float) -> bool:
+    """Return whether a force that seems constant follows position and velocity, as in contact.
+
+    The force of a body with damping is smallest before the reversal, and nearly constant while the
+    damping force increases and the elastic force decreases. It is still that of a spring and a
+    damper. `stiffness` is that of the specimen at forces near this one [N/m].
+    """
+    fit = robust_fit(np.column_stack([np.ones(len(x)), v, x]), f)
+    explained = float(np.var(fit.residual)) < (1.0 - LEAST_FOLLOWED_R2) * float(np.var(f))
+    return explained and bool(fit.theta[2] > LEAST_FOLLOWED_STIFFNESS * stiffness)
 
 
 def adhesion(record: SmoothedRecord) -> float | None:

@@ -17,6 +17,7 @@ from teleop.evaluation.batch.candidate import (
 )
 from teleop.evaluation.batch.local_stiffness import LocalStiffness
 from teleop.evaluation.batch.thresholds import (
+    FLAT_LAYER_RATIO,
     LARGEST_LAYER_RATIO,
     LEAST_LAYER_RATIO,
     LEAST_LEVEL_WIDTH,
@@ -52,15 +53,25 @@ def free_motion(best: Candidate) -> FittedPart | None:
     """Return the knot of the best model if the force hardly increases before; None otherwise.
 
     The force then changes by less than that of free motion (`contact_phases.level_width`), or the
-    stiffness before the knot is a very small part of that after it.
+    stiffness before the knot is a very small part of that after it. A soft layer of which the
+    motion contains a small part only also changes the force little, but its stiffness is not small.
     """
     knot = best.part(KNOT)
     if knot is None or best.degree > MOST_LAYER_DEGREE:
         return None
     before, after = (one.value for one in knot.values[1:])
-    softer = after > LEAST_LAYER_RATIO * before
+    softer = after > FLAT_LAYER_RATIO * before
     flat = softer and best.share_before_knot < LEAST_LEVEL_WIDTH
     return knot if flat or after >= LARGEST_LAYER_RATIO * before else None
+
+
+def changes_at_knot(best: Candidate) -> bool:
+    """Return whether the best model has a knot at which the stiffness changes notably."""
+    knot = best.part(KNOT)
+    if knot is None:
+        return False
+    low, high = sorted(one.value for one in knot.values[1:])
+    return high > (1.0 + NOTABLE_STIFFENING) * low
 
 
 def described(local: LocalStiffness, zero: float, surface: Value, level: float) -> dict[str, Any]:
@@ -114,11 +125,11 @@ def phrases(local: LocalStiffness, surface: Value, sinusoidal: bool) -> list[str
         depth = depth_of(place, surface)
         low, high = (1e3 * depth.interval[end] for end in ("low", "high"))
         found.append(
-            f"the stiffness changes at a depth of {1e3 * depth.value:.3g} mm (95 % "
+            f"the stiffness changes at a depth of {1e3 * depth.value:.4g} mm (95 % "
             f"interval {low:.4g} to {high:.4g}): {STIFFNESS.text(before.value, '.4g')} before, "
             f"{STIFFNESS.text(after.value, '.4g')} after"
         )
-    elif best.change_of_stiffness > NOTABLE_STIFFENING or best.part(KNOT):
+    elif best.change_of_stiffness > NOTABLE_STIFFENING or changes_at_knot(best):
         found.append(f"the stiffness depends on depth (degree {best.degree})")
     if part := best.part(DEPTH_DAMPING):
         low_b, _, high_b = part.values

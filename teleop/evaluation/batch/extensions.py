@@ -384,7 +384,8 @@ def refined_knot(
 ) -> tuple[float, tuple[float, float]]:
     """Return the least sum of squares with a knot, and position and width of this knot.
 
-    The position is searched by Gauss-Newton steps from a first value.
+    The position is searched by Gauss-Newton steps from a first value. The sum of squares is that
+    without a jump of the force at the knot: with a jump, a wrong position can fit better.
     """
     further = [c for one in base.extensions for c in one.columns]
     least, found = math.inf, knot
@@ -392,8 +393,10 @@ def refined_knot(
     for _ in range(KNOT_STEPS):
         columns = exact_columns(rows, KNOT, (knot, width))
         fit = rows.fit(base.degree, base.relaxing, [*further, *columns])
-        own = float(np.sum(fit.residual**2))
         slope, jump = fit.theta[-2:]
+        to_jump = np.eye(len(fit.theta))[-1] @ fit.inverse
+        by_jump = float(jump**2 / max(float(to_jump @ to_jump), 1e-300))
+        own = float(np.sum(fit.residual**2)) + by_jump
         if own < least:
             least, found = own, knot
         change = float(np.clip(-jump / (slope or 1e-300), -step, step))

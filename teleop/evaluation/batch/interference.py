@@ -116,8 +116,11 @@ def interference(record: SmoothedRecord) -> Line | None:
 
 
 def mains_at_harmonic(record: SmoothedRecord) -> Line | None:
-    """Return the force at a harmonic of the motion to which aliasing moves hum; otherwise None."""
-    rate, motion = 1.0 / record.period, record.frequency
+    """Return the force at a harmonic of the motion to which aliasing moves hum; otherwise None.
+
+    The mean of several samples removes frequencies near a multiple of the frequency of the grid.
+    """
+    rate, motion = 1.0 / record.sampling_period, record.frequency
     for mains in MAINS:
         alias = abs(mains - rate * round(mains / rate))
         order = round(alias / motion)

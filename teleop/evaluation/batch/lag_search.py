@@ -37,11 +37,12 @@ class ForceLag(NamedTuple):
 def lag_instead_of_relaxation(rows: RegressionRows, best: Candidate) -> ForceLag | None:
     """Return the lag that describes the force at least as well as the relaxing parts of a model.
 
-    The result is None if the relaxing parts describe it better, if the model has none, or if the
-    lag leaves a residual that noise does not explain.
+    The result is None if the relaxing parts describe it better, if the model has none, if the force
+    is described as well without any lag, or if the lag leaves a residual that noise does not
+    explain.
     """
     record = rows.record
-    if not best.times or best.extensions:
+    if not best.times or best.extensions or best.is_storage:  # k' and k'' of one frequency
         return None
     depth = rows.normalised(record.raw_x)
     powers = range(1, best.degree + 1)
@@ -58,8 +59,10 @@ def lag_instead_of_relaxation(rows: RegressionRows, best: Candidate) -> ForceLag
     near = int(np.clip(np.argmin([squares(lag) for lag in grid]), 1, LAGS - 2))
     bounds = (float(grid[near - 1]), float(grid[near + 1]))
     lag = float(minimize_scalar(squares, bounds=bounds, method="bounded").x)
-    found = fit(lag)
+    found, plain = fit(lag), fit(0.0)
     bic = bayesian_criterion(found.residual, len(found.theta) + 1)
+    if bic > bayesian_criterion(plain.residual, len(plain.theta)) - BETTER_BIC:
+        return None
     b = float(found.theta[rows.v_column])
     rms = float(np.sqrt(np.mean(found.residual**2)))
     if bic > best.bic + BETTER_BIC or b < 0.0 or rms > LAG_MISFIT * record.f_noise_smoothed:

@@ -76,6 +76,7 @@ from teleop.evaluation.batch.regression_rows import DEGREES, RegressionRows
 from teleop.evaluation.batch.relaxation_search import linear_with_relaxation, with_relaxation
 from teleop.evaluation.batch.smoothed_record import SmoothedRecord
 from teleop.evaluation.batch.thresholds import (
+    BASELINE_PERCENTILES,
     BETTER_BIC,
     FEWEST_FIT_SAMPLES,
     FRICTION_RESIDUAL,
@@ -109,7 +110,8 @@ class LocalStiffness:
     kelvin_voigt: Candidate
     """The Kelvin-Voigt model: candidate of degree 1 without relaxing parts."""
     baseline_size: float
-    """Peak-to-peak value of the baseline of the best candidate [N]; 0 if it is a constant."""
+    """Range of the baseline of the best candidate between the percentiles
+    `BASELINE_PERCENTILES` [N]; 0 if it is a constant."""
     samples: int
     """Number of nearly independent samples that were fitted."""
     r2: float
@@ -195,7 +197,7 @@ def local_stiffness(
         b_std,
         best,
         plain,
-        float(np.ptp(slow)) if rows.order else 0.0,
+        float(np.ptp(np.percentile(slow, BASELINE_PERCENTILES))) if rows.order else 0.0,
         len(rows.f),
         explained(rows, [best]),
         has_friction(rows, best),

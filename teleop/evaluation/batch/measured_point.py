@@ -171,9 +171,9 @@ def measured_point(
     if elsewhere and high - low > 1.35 * LARGEST_SLOPE_SCATTER * abs(middle):
         return Reason(
             f"the stiffness is not determined: the slopes of the cycles scatter (quartiles "
-            f"{STIFFNESS.shown(float(low)):.4g} and {STIFFNESS.text(float(high), '.4g')}), and no "
-            f"cycle contains {stated.force:.3g} N, the middle of the force range of the model. The "
-            "surface moves or the tip slides, so that the position does not determine the depth"
+            f"{STIFFNESS.short(float(low), '.4g')} and {STIFFNESS.text(float(high), '.4g')}), and "
+            f"no cycle contains {stated.force:.3g} N, the middle of the force range of the model. "
+            "The surface moves or the tip slides, so that the position does not determine the depth"
         )
     # the median of n values has 1.25 times the standard error of their mean
     half = LEVEL_95 * 1.25 * scatter / math.sqrt(len(k))
@@ -224,7 +224,7 @@ def gap_at(record: SmoothedRecord, phases: Phases, local: LocalStiffness) -> Rea
     loadings = []
     for phase in phases.phases:
         part = np.arange(phase.start, phase.end)[phases.usable[phase.start : phase.end]]
-        if phase.name == "loading" and len(part) > GAP_PARTS:
+        if phase.name == "loading" and 2 * len(part) > GAP_PARTS:
             x = np.maximum.accumulate(record.x[part])
             if x[0] < grid[GAP_SIDE] and x[-1] > grid[-1 - GAP_SIDE]:
                 loadings.append(np.interp(grid, x, elastic[part], np.nan, np.nan))

@@ -87,8 +87,8 @@ def unsuited(record: SmoothedRecord, phases: Phases) -> Reason | None:
         before, after, position = fall
         return Reason(
             f"the force falls from {before:.3g} to {after:.3g} N in loading, at a position of "
-            f"{position * 1e3:.4g} mm: the specimen is punctured or slips. Expected a recording "
-            "that ends before"
+            f"{position * 1e3:.4g} mm: the specimen is punctured, slips or softens suddenly. "
+            "Expected a recording that ends before"
         )
     if rise := rise_at_rest(record):
         return Reason(
@@ -296,7 +296,9 @@ def reasons_before_fit(record: SmoothedRecord, phases: Phases) -> list[Reason]:
     return found
 
 
-def reasons_after_fit(local: LocalStiffness, half_k: float, phases: Phases) -> list[Reason]:
+def reasons_after_fit(
+    record: SmoothedRecord, phases: Phases, local: LocalStiffness, half_k: float
+) -> list[Reason]:
     """Return the reasons why a fitted stiffness is not reported; empty if there are none."""
     if local.k + half_k < 0.0:
         return [
@@ -328,6 +330,8 @@ def reasons_after_fit(local: LocalStiffness, half_k: float, phases: Phases) -> l
         why, hint = "noise, or too little motion", ""
         if local.best.times:
             why = "the force relaxes, so that k depends on the speed, which varies in this motion"
+            if max(local.best.times) > float(record.clock[-1]):
+                why = "the force changes slowly over the record: it drifts, or the tip slides"
         elif local.best.degree > 1:
             why, hint = "it depends on depth or time", SLOPES
         return [Reason(f"the stiffness is not determined{where}: {value} ({why})", hint)]

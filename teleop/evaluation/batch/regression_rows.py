@@ -99,10 +99,8 @@ class RegressionRows:
         depth = np.clip(self.normalised(record.raw_x), -1.5, 1.5)
         self.depth = depth
         self.powers = [record.smoothed(depth**n)[self.index] for n in DEGREES]
-        sharp_x = record.sharpened(record.x)
-        sharp_x = np.clip(sharp_x, record.raw_x.min(), record.raw_x.max())
-        self.largest_corner = record.width * float(np.percentile(np.abs(record.v), 99))
-        self.sharp_x = with_corners(record.raw_x, sharp_x, record.x_noise, self.largest_corner)
+        self.largest_corner = largest_corner(record)
+        self.sharp_x = sharp_position(record)
         self.sharp_v = record.sharpened(record.v)
         self.fine = np.flatnonzero(phases.inner if phases.usable.any() else phases.usable)
         self.fine_x, self.fine_v = self.sharp_x[self.fine], self.sharp_v[self.fine]
@@ -251,6 +249,20 @@ class RegressionRows:
     def v_column(self) -> int:
         """Index of the damping b (coefficient of the velocity) in the parameters of a model."""
         return int(self.basis.shape[1])
+
+
+def largest_corner(record: SmoothedRecord) -> float:
+    """Return the largest distance by which the smoothing moves a corner of the position [m]."""
+    return record.width * float(np.percentile(np.abs(record.v), 99))
+
+
+def sharp_position(record: SmoothedRecord) -> Floats:
+    """Return the smoothed position with the height of its peaks, and the measured one at corners.
+
+    The result has the shape (n,).
+    """
+    sharp = np.clip(record.sharpened(record.x), record.raw_x.min(), record.raw_x.max())
+    return with_corners(record.raw_x, sharp, record.x_noise, largest_corner(record))
 
 
 def with_corners(raw: Floats, smoothed: Floats, noise: float, largest: float) -> Floats:

@@ -67,6 +67,8 @@ class ResampledRecord:
     """Resolution of the force: its smallest step [N]; 0 if the force never changes."""
     force_lag: float
     """Time constant of the force channel that is compensated [s]; 0 if no lag is compensated."""
+    filter_delay: float
+    """Delay of a filter of the force that is compensated [s]; 0 without one."""
 
 
 def resample(signals: Signals, transmission: TransmissionCalibration = RIGID) -> ResampledRecord:
@@ -109,6 +111,7 @@ def resample(signals: Signals, transmission: TransmissionCalibration = RIGID) ->
         count=signals.step,
         f_count=smallest_step(signals.f),
         force_lag=transmission.force_lag,
+        filter_delay=signals.filter_delay,
     )
 
 
@@ -174,6 +177,10 @@ class SmoothedRecord:
     (`teleop.evaluation.batch.strokes`). False if it is computed from the spectra."""
     force_lag: float
     """Time constant of the force channel that is compensated [s]; 0 if no lag is compensated."""
+    filter_delay: float
+    """Delay of a filter of the force that is compensated [s]; 0 without one."""
+    sampling_period: float
+    """Period of the measured samples, of which several are averaged in a grid period [s]."""
 
     @cached_property
     def clock(self) -> Floats:
@@ -352,4 +359,6 @@ def smoothed_record(resampled: ResampledRecord, bandwidth: float | None = None) 
         f_rounding=repeated_rounding(resampled.f_count, resampled.f_noise),
         ramp=resampled.ramp,
         force_lag=resampled.force_lag,
+        filter_delay=resampled.filter_delay,
+        sampling_period=period,
     )

@@ -62,6 +62,8 @@ from teleop.evaluation.batch.thresholds import (
 )
 from teleop.evaluation.reason import Reason
 
+SERIES_DEGREE = 3
+"""Degree of the polynomial whose slope is the stiffness behind a calibrated compliance."""
 DATUM_ERROR = 1e-4
 """Error of the zero of the position [m]. The change of the secant stiffness that it causes is
 reported."""
@@ -251,6 +253,10 @@ def stiffness_result(
         transmission.propagated(b_by_lag, b_by_lost_motion),
         local.k * transmission.form_error(omega).imag / omega,
     )
+    if not frequency_of_loss(local):
+        share = damping_at_position(record, phases, local, transmission.compliance)
+        half_b = math.hypot(half_b, UNCERTAIN_CORRECTION * (share - 1.0) * local.b)
+        local = replace(local, b=share * local.b)
     lock_in = None
     if record.sinusoidal and phases.free_force is None and frequency_of_loss(local):
         lock_in = complex_stiffness(record, local.curved)
@@ -266,7 +272,7 @@ def stiffness_result(
     change = change_over_cycles(cycles)
     drift = drift_of_lag(cycles)
     where = measured_point(record, phases, local, half_k)
-    against = reasons_after_fit(local, half_k, phases)
+    against = reasons_after_fit(record, phases, local, half_k)
     if change and (against or change.with_frequency):
         against = [Reason(change.text)]
     if drift and drift.phase > LARGEST_PHASE_DRIFT:
@@ -316,8 +322,9 @@ def stiffness_result(
         )
     by_lag = 1e-3 * local.k  # decrease of b for each millisecond
     if not unknown and not record.force_lag and by_lag > NOTABLE_LAG * abs(local.b):
+        beside = " besides that of its filter" if record.filter_delay else ""
         remark = Reason(
-            f"a lag of the force is not known: each millisecond of it makes b smaller by "
+            f"a lag of the force{beside} is not known: each millisecond of it makes b smaller by "
             f"{DAMPING.text(by_lag, '.3g')}; a lag of the position makes b larger by as much",
             LAG,
         )
@@ -341,6 +348,7 @@ def stiffness_result(
     lowest = "lowest position" if phases.free_force is None else "lowest position in contact"
     depth_from = "contact point" if point else lowest
     reasons, hints = texts_and_hints(found)
+    times = reported_times(local.best.times)
     return StiffnessResult(
         k=local.k,
         k_low=local.k - half_k,
@@ -356,7 +364,8 @@ def stiffness_result(
         depth=depth,
         secant=secant,
         secant_change=secant_change,
-        times=() if local.lag or local.best.is_storage else reported_times(local.best.times),
+        # a change of the stiffness looks like a relaxation
+        times=() if local.lag or local.best.is_storage or change else times,
         depth_error=0.5 * (point.high - point.low) if point else 0.0,
         depth_from=depth_from,
         b_reason=unusable.text if unusable else "",
@@ -366,6 +375,25 @@ def stiffness_result(
         inertia_at_hz=inertia_at_hz,
         parts=described(local, zero, surface(record, phases, local), level or 0.0),
     )
+
+
+def damping_at_position(
+    record: SmoothedRecord, phases: Phases, local: LocalStiffness, compliance: float
+) -> float:
+    """Return the damping at the position of k, relative to its mean over the motion.
+
+    Behind a compliance c, specimen and transmission in series have the stiffness k / (1 + c k) and
+    the damping b / (1 + c k)^2. If k depends on depth, this damping does too. The fitted damping is
+    its mean with the weight v^2. A model whose damping depends on depth has that at the position.
+    """
+    if not compliance or local.best.part(DEPTH_DAMPING):
+        return 1.0
+    x, v = record.x[phases.usable], record.v[phases.usable]
+    elastic = record.f[phases.usable] - local.b * v
+    law = np.polynomial.Polynomial.fit(x, elastic, SERIES_DEGREE).deriv()
+    damping = np.clip(1.0 - compliance * law(x), 0.0, 1.0) ** 2
+    here = float(np.clip(1.0 - compliance * law(local.best.position), 0.0, 1.0)) ** 2
+    return here / max(float(np.average(damping, weights=v**2)), 1e-300)
 
 
 def frequency_of_loss(local: LocalStiffness) -> float | None:

@@ -209,6 +209,12 @@ the removed baseline changes."""
 LEAST_PEAK = 0.3
 """Smallest height (`peak_height`) of a smooth peak of the force, as a fraction of the parameter
 `width` of `free_and_saturated`. A force with a smaller height counts as constant."""
+LEAST_FOLLOWED_R2, LEAST_FOLLOWED_STIFFNESS = 0.9, 0.3
+"""Smallest R^2 of a fit of position and velocity to a force that seems constant, and smallest
+fitted stiffness, relative to the median stiffness at slightly larger forces, with which the force
+is that of contact. A part of free motion ends with contact at most a quarter as steep: the force
+changes by a quarter of the product of stiffness and travel (`FREE_TRAVEL`), and not in proportion
+to it. In contact, the stiffness at the lowest force was 0.46 of the median of a stiffening body."""
 CLIPPING_LENGTH = 2.0
 """Least duration for which the maximum of the force is repeated, relative to the 95th percentile of
 the durations for which other large values are repeated."""
@@ -305,6 +311,9 @@ MOST_LAYER_DEGREE = 2
 LARGEST_LAYER_RATIO = 50.0
 """Ratio of the stiffnesses after and before a knot above which the motion before the knot counts as
 motion out of contact."""
+FLAT_LAYER_RATIO = 10.0
+"""Smallest ratio of the stiffness after a knot to that before it with which a nearly constant force
+before the knot counts as that out of contact."""
 LEAST_LAYER_RATIO = 1.3
 """Smallest ratio of the stiffness of two layers. A smaller change is that of a single body whose
 stiffness depends on depth."""
@@ -389,8 +398,11 @@ SUFFICIENT_RESIDUAL = 0.02
 """If the residual of the Kelvin-Voigt model is below this fraction of the typical force, the model
 is sufficient. The typical force is 0.35 times the force range, which is the root mean square of a
 sine."""
+BASELINE_PERCENTILES = (2.0, 98.0)
+"""Percentiles of the baseline whose difference is its size. The cosines are uncertain at the two
+ends of the record, where a coarse position changes them by 20 % of the force range."""
 SMALL_BASELINE = 0.05
-"""Peak-to-peak size of the baseline below which no remark on it is made, as a fraction of the force
+"""Size of the baseline below which no remark on it is made, as a fraction of the force
 range. The baseline is the part of the force that is slower than the palpation."""
 FEWEST_INDEPENDENT = 35
 """Number of independent samples that the intervals need. If there are fewer, a remark says so.

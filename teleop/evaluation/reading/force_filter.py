@@ -96,7 +96,7 @@ def without_filter_delay(signals: Signals) -> Compensated:
     if delay == 0.0:
         return Compensated(signals, None)
     return Compensated(
-        advanced(signals, delay),
+        advanced(signals, delay)._replace(filter_delay=delay),
         Reason(
             f"the force is advanced by {delay * 1e3:.3g} ms, the delay of the filter that the file "
             f"states ({stated!r})",

@@ -50,6 +50,8 @@ class Signals(NamedTuple):
     """Texts that describe the changes that were made to the samples on reading."""
     measured_step: float | None = None
     """Resolution of the position sensor [m] if `x` is computed from its values, see `step`."""
+    filter_delay: float = 0.0
+    """Delay of the force filter by which the force was advanced [s]; 0 if it was not."""
 
     @property
     def step(self) -> float:

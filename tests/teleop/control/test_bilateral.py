@@ -170,7 +170,7 @@ HASHES = {
 }
 """SHA-256 of the columns of a trial of 5 s with seed 3, before force feedback existed. The columns
 `NEWER` are left out, and a column that these recordings had in their place."""
-NEWER = ("k_bound", "b_bound")
+NEWER = ("k_bound", "b_bound", "phase")
 FUNCTIONS = (math.sin, math.cos, math.exp, math.sinh, math.asinh, math.sqrt)
 FUNCTIONS_HASH = "ed2d6d53d73d6433"
 """Of values of the functions of this C library with which `HASHES` were computed."""

@@ -206,6 +206,7 @@ def test_every_stage_gets_its_channel_and_the_measured_dt():
         "write_time": np.ones(len(TIMES)),
         "limited": np.zeros(len(TIMES)),
         "target": np.full(len(TIMES), np.nan),
+        "phase": np.full(len(TIMES), np.nan),
         "k_bound": idle + list(bounds[0]),
         "b_bound": idle + list(bounds[1]),
         "contact": idle + contact,

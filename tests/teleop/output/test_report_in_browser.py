@@ -60,9 +60,10 @@ def test_the_page_does_not_scroll_sideways_also_with_all_details_open(tab, addre
 
 
 def test_the_first_remark_states_that_k_and_b_contain_the_transmission(tab, address):
-    first = show(tab, address, (1280, 720)).locator(".remarks li").first.inner_text()
-    assert first == (
-        "k and b: transmission in series, corrected for lag 2.66 ms, lost motion 122 um"
+    remarks = show(tab, address, (1280, 720)).locator(".remarks li")
+    assert remarks.nth(0).inner_text() == "k and b are those of specimen and transmission in series"
+    assert remarks.nth(1).inner_text() == (
+        "k and b are corrected for a lag of 2.66 ms and lost motion of 122 um"
     )
 
 

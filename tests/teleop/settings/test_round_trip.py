@@ -78,6 +78,7 @@ OTHER = {
     "custom_link",
     "custom_rig",
     "custom_signal",
+    "protocol",
     "rig",
 }
 """Settings that are not varied here: see `test_documents.py` for those of other objects."""

@@ -9,6 +9,7 @@ import pytest
 
 from estimation.testing_records import relaxed
 from teleop.evaluation.batch.analysis import analyse
+from teleop.evaluation.batch.constancy import Cycles, isolated_cycles
 from teleop.evaluation.reading.signals import Signals, periods
 
 
@@ -199,3 +200,12 @@ def test_a_stiffness_that_depends_on_the_depth_of_the_presses_is_no_change():
     depths = 1e-3 * np.array([2.2, 2.6, 2.4, 2.3, 2.5, 2.2, 2.6, 2.3, 2.5, 2.4])
     found = presses(depths, lambda d, t: 200.0 * (np.exp(900.0 * d) - 1.0) / 900.0)
     assert not any("changes over the cycles" in reason for reason in found.reasons)
+
+
+def test_in_a_short_record_a_cycle_in_which_the_stiffness_changes_is_no_second_change():
+    k = np.array([995.0, 1020.0, 644.0, 912.0, 995.0])
+    error = np.array([0.1, 18.0, 0.1, 70.0, 0.1])
+    ones = np.ones(5)
+    cycles = Cycles(5.0 * np.arange(5), 5.0 * ones, k, 18.0 * ones, error, 1e-3 * ones, ones)
+    assert isolated_cycles(cycles) == (2, 3)
+    assert isolated_cycles(cycles._replace(k=995.0 * ones)) is None

@@ -12,7 +12,9 @@ from scipy.optimize import brentq
 from teleop.evaluation.batch.analysis import Analysis, analyse, contradiction
 from teleop.evaluation.batch.candidate import DEPTH_DAMPING, FRICTION, KNOT, MASS
 from teleop.evaluation.batch.extension_texts import free_motion, layers
+from teleop.evaluation.batch.extensions import Base, exact_columns, refined_knot
 from teleop.evaluation.batch.kinds import STORAGE, TANGENT
+from teleop.evaluation.batch.regression_rows import RegressionRows
 from teleop.evaluation.reading.signals import Signals, periods
 
 RATE = 500.0
@@ -269,3 +271,21 @@ def test_the_mass_in_a_chirp_is_no_change_of_the_stiffness_with_frequency():
     assert not found.record.sinusoidal
     assert found.result.k == pytest.approx(700.0, rel=0.01)
     assert found.result.parts["mass_kg"]["value"] == pytest.approx(0.2, rel=0.03)
+
+
+def test_a_knot_is_refined_although_a_jump_at_a_wrong_position_fits_better():
+    """The polynomial does not describe a second knot, at which contact begins."""
+    x, v, _ = sine()
+    surface, change = np.quantile(x, [0.1, 0.5])
+    layers = 400.0 * np.maximum(x - surface, 0.0) + 2000.0 * np.maximum(x - change, 0.0)
+    found = analysed(x, layers + 2.0 * v)
+    rows, base = RegressionRows(found.record, found.phases), Base(2, (), (), (), ())
+    _, (knot, _) = refined_knot(rows, base, 0.0, 0.0)
+    fits = [sharp_knot_squares(rows, base, at) for at in (knot - 5e-3, knot, knot + 5e-3)]
+    assert fits[1] < min(fits[0], fits[2])
+
+
+def sharp_knot_squares(rows: RegressionRows, base: Base, knot: float) -> float:
+    """Sum of squares with a sharp knot, without a jump of the force."""
+    columns = exact_columns(rows, KNOT, (knot, 0.0))[:1]
+    return float(np.sum(rows.fit(base.degree, [], columns).residual ** 2))

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from teleop.evaluation.batch.analysis import analyse
+from teleop.evaluation.batch.interference import mains_at_harmonic
+from teleop.evaluation.batch.smoothed_record import smoothed_signals
 from teleop.evaluation.reading.signals import Signals, periods
 
 
@@ -69,3 +73,13 @@ def test_a_linear_body_without_hum_is_determined_at_a_rate_near_the_mains():
     found = slow_rate(50.0, amplitude=0.0)
     assert found.k_low <= 800.0 <= found.k_high
     assert not any("interference" in reason for reason in found.reasons)
+
+
+def test_the_mean_of_several_samples_moves_no_hum_to_a_harmonic():
+    t = np.arange(0.0, 20.0, 1.0 / 58.0)
+    x = 2e-3 + 1e-3 * np.sin(2.0 * np.pi * t)
+    f = 800.0 * x + 2e8 * (x - 2e-3) ** 2 * x
+    record = smoothed_signals(Signals(t, x, f, periods(t), "position"))
+    assert record.sampling_period == record.period
+    assert mains_at_harmonic(record).mains == 60.0  # 60 - 58 Hz is twice the frequency
+    assert mains_at_harmonic(replace(record, sampling_period=record.period / 10.0)) is None

@@ -80,3 +80,20 @@ def test_the_bandwidth_of_the_conditioning_is_at_most_half_of_the_sampling_rate(
     f = 2000.0 * x + np.random.default_rng(0).normal(0.0, 0.01, len(t))
     signals = Signals(t, x, f, periods(t), "position")
     assert evaluate(signals, EstimateSettings()).bandwidth <= 0.5 * rate * (1.0 + 1e-9)
+
+
+@pytest.mark.parametrize("corner", [0.1, 0.4])
+def test_the_amplitude_of_a_motion_with_corners_is_not_that_of_the_smoothed_position(
+    corner: float,
+) -> None:
+    """The tip rests for 0.05 and 0.2 s at the highest position."""
+    t = np.arange(0.0, 10.0, 2e-3)
+    x = 3e-3 + 1e-3 * np.interp(
+        t % 1.0, [0.0, 0.5 - 0.5 * corner, 0.5, 1.0], [-1.0, 1.0, 1.0, -1.0]
+    )
+    rng = np.random.default_rng(0)
+    f = 500.0 * x + rng.normal(0.0, 5e-3, len(t))
+    signals = Signals(t, x + rng.normal(0.0, 2e-7, len(t)), f, periods(t), "position")
+    motion = motion_of(analyse(signals).record)
+    assert motion.amplitude_m == pytest.approx(1e-3, rel=0.01)
+    assert motion.travel_m == pytest.approx(2e-3, rel=0.005)

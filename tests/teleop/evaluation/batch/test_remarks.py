@@ -122,10 +122,11 @@ def test_a_pull_at_release_is_called_adhesion(pull):
 
 def test_a_wide_interval_of_a_model_that_fits_is_not_called_no_contact():
     analysis = analyse(sine())
-    (reason,) = reasons_after_fit(analysis.local, analysis.local.k, analysis.phases)
+    record, phases = analysis.record, analysis.phases
+    (reason,) = reasons_after_fit(record, phases, analysis.local, analysis.local.k)
     assert reason.text.startswith("the stiffness is not determined")
     poor = replace(analysis.local, r2=0.5)
-    (reason,) = reasons_after_fit(poor, poor.k, analysis.phases)
+    (reason,) = reasons_after_fit(record, phases, poor, poor.k)
     assert "no contact, noise, or too little motion" in reason.text
 
 

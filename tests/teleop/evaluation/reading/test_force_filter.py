@@ -49,6 +49,8 @@ def test_b_is_right_with_the_stated_filter_and_biased_without(tmp_path, capsys, 
     assert found["k"] == pytest.approx(K, rel=2e-3)
     assert found["b"] == pytest.approx(B, rel=0.05)
     assert any("advanced by 15.9 ms" in reason for reason in found["reasons"])
+    (lag,) = (reason for reason in found["reasons"] if "is not known" in reason)
+    assert lag.startswith("a lag of the force besides that of its filter is not known")
     without = result(capsys, path, "--force-lag", "0")
     assert without["b"] == pytest.approx(B - K * 0.0159, rel=0.1)
     assert not any("filter" in reason for reason in without["reasons"])
