@@ -510,7 +510,7 @@ FEWEST_LOST_MOTION_SAMPLES = 30
 LEAST_LOST_MOTION = 3e-6
 """Smallest half width of a lost motion that is reported [m]: of the size of the run-out and the
 interpolation error of usual encoders."""
-LEAST_LOST_MOTION_COUNTS = 6.0
+LEAST_LOST_MOTION_COUNTS = 8.0
 """Smallest half width of a lost motion that is reported, as a multiple of the resolution of the
 position: the rounding of the position is a hysteresis of half a step."""
 LEAST_LOST_MOTION_SHARE = 0.01

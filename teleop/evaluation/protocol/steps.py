@@ -18,8 +18,11 @@ from teleop.evaluation.protocol.dynamic import dynamic_stiffness
 from teleop.evaluation.protocol.exponentials import fit_decay
 from teleop.evaluation.reading.signals import Signals
 
-SETTLING = 0.25
-"""Time at the start of a hold that is not evaluated: the slave settles [s]."""
+SETTLING = {"relaxation": 0.25, "creep": 0.5}
+"""Time at the start of a hold that is not evaluated: the slave, or the force, settles [s]."""
+HELD_WITHIN = 0.005
+"""Slow error of a force that is held, relative to its change: noise hides it from the regression.
+It changes the depth by the same share, which the intervals of creep contain."""
 SMOOTHING = 0.2
 """Time over which a force that is held is averaged [s]."""
 FEWEST = 100
@@ -103,11 +106,13 @@ def evaluated(
     tip = x - known.compliance * f
     if step.kind in ("relaxation", "creep"):
         u, y = (tip, f) if step.kind == "relaxation" else (smoothed(f, t), tip)
-        settling = min(SETTLING, 0.2 * (t[-1] - begin))
-        rounding = 0.5 * resolution
+        settling = min(SETTLING[step.kind], 0.2 * (t[-1] - begin))
+        error, change = 0.5 * resolution, abs(tip[-1] - tip[0])
         if step.kind == "relaxation":
-            rounding *= abs(f[-1] - f[0]) / max(abs(tip[-1] - tip[0]), rounding, 1e-9)
-        decay = fit_decay(t - begin, u, y, settling, rounding)
+            error *= abs(f[-1] - f[0]) / max(change, error, 1e-9)
+        else:
+            error += HELD_WITHIN * change
+        decay = fit_decay(t - begin, u, y, settling, error)
         return {"held": float(u[t >= begin + settling].mean()), step.kind: asdict(decay)}
     if step.kind == "cyclic":
         rise = 1.0 / step.frequency
