@@ -90,8 +90,8 @@ def decay_cells(one: Row, kind: str) -> list[list[str]]:
     held = f"{one['held'] * 1e3:.3g} mm" if kind == "relaxation" else f"{one['held']:.3g} N"
     first = [str(one["step"] + 1), f"{kind} at {held}"]
     end = f"{found['end'] * scale:.4g} {unit}"
-    if not found["parts"]:
-        return [[*first, "-", "", "", end]]
+    if not found["parts"] or found["reason"]:
+        return [[*first, "-", "", "", "" if found["reason"] and found["parts"] else end]]
     rows = []
     for part in found["parts"]:
         amplitude = f"{part['amplitude'] * scale:.3g} {unit}"

@@ -155,12 +155,15 @@ class Fit:
     independent: float
     """Number of independent residuals."""
 
-    @property
-    def bic(self) -> float:
-        """Bayesian information criterion."""
-        n, count = self.independent, len(self.log_tau)
-        mean = max(float(self.residual @ self.residual) / len(self.residual), 1e-300)
-        return n * math.log(mean) + (2 + 2 * count) * math.log(max(n, 2.0))
+    def bic_above(self, other: Fit) -> float:
+        """Return the Bayesian information criterion minus that of a fit with fewer exponentials.
+
+        Both are computed with the number of independent residuals of this fit, because those of
+        the other one also contain what it does not describe.
+        """
+        n, further = self.independent, len(self.log_tau) - len(other.log_tau)
+        squares = [max(float(one.residual @ one.residual), 1e-300) for one in (self, other)]
+        return n * math.log(squares[0] / squares[1]) + 2.0 * further * math.log(max(n, 2.0))
 
 
 def fit_decay(t: Floats, u: Floats, y: Floats, settling: float, rounding: float = 0.0) -> Decay:
@@ -185,12 +188,13 @@ def fit_decay(t: Floats, u: Floats, y: Floats, settling: float, rounding: float 
     best, unresolved = held.fitted(np.empty(0)), False
     for count in range(1, MOST + 1):
         found = best_fit(held, count)
-        if found is None or found.bic > best.bic - LEAST_BIC:
+        if found is None or found.bic_above(best) > -LEAST_BIC:
             continue
         parts = decay_of(held, found).parts
-        unresolved = not all(abs(one.amplitude) > one.amplitude_half for one in parts)
-        if not unresolved:
-            best = found
+        if all(abs(one.amplitude) > one.amplitude_half for one in parts):
+            best, unresolved = found, False
+        else:
+            unresolved = parts[-1].tau > 0.5 * LONGEST * held.duration  # a slow part remains
     decay = decay_of(held, best)
     if unresolved and decay.parts:
         return replace(decay, reason=LONGER)

@@ -25,6 +25,8 @@ HELD_WITHIN = 0.005
 It changes the depth by the same share, which the intervals of creep contain."""
 SMOOTHING = 0.2
 """Time over which a force that is held is averaged [s]."""
+NEAR = 0.02
+"""Deviation of the controlled quantity, relative to its change in the ramp, that counts as held."""
 FEWEST = 100
 """Smallest number of samples of a step."""
 
@@ -106,7 +108,10 @@ def evaluated(
     tip = x - known.compliance * f
     if step.kind in ("relaxation", "creep"):
         u, y = (tip, f) if step.kind == "relaxation" else (smoothed(f, t), tip)
-        settling = min(SETTLING[step.kind], 0.2 * (t[-1] - begin))
+        duration = float(t[-1]) - begin
+        settling = max(min(SETTLING[step.kind], 0.2 * duration), settled(t - begin, u))
+        if settling > 0.5 * duration:
+            return {"reason": f"the {step.by} was not held: it changed until the end of the step"}
         error, change = 0.5 * resolution, abs(tip[-1] - tip[0])
         if step.kind == "relaxation":
             error *= abs(f[-1] - f[0]) / max(change, error, 1e-9)
@@ -125,6 +130,18 @@ def evaluated(
     if step.kind in ("sweep", "random"):
         return of_motion(t, x, f, known)
     return {}
+
+
+def settled(t: Floats, u: Floats) -> float:
+    """Return the time from which the controlled quantity stays near its value in the second half.
+
+    `t` is the time since the start of the hold [s], negative in the ramp before it.
+    """
+    value = float(np.median(u[t >= 0.5 * t[-1]]))
+    change = abs(value - float(u[0]))
+    width = max(round(SMOOTHING * len(t) / float(t[-1] - t[0])), 1)
+    far = np.flatnonzero(np.abs(uniform_filter1d(u, width) - value) > NEAR * change)
+    return float(t[far[-1]]) if len(far) else 0.0
 
 
 def smoothed(f: Floats, t: Floats) -> Floats:
