@@ -33,10 +33,19 @@ def step_tables(steps: Sequence[Row]) -> Iterator[tuple[str, Sequence[str], list
 
 
 def step_lines(steps: Sequence[Row]) -> Iterator[str]:
-    """Yield a line for each step with another result, or with a reason why there is none."""
+    """Yield a line for each step with another result, or with a reason why there is none.
+
+    The same reason of several steps is stated for the last of them.
+    """
+    by_reason: dict[str, list[Row]] = {}
     for one in steps:
         if line := other_line(one):
-            yield f"step {one['step'] + 1}, {one['text']}: {line}"
+            by_reason.setdefault(line.partition(":")[0], []).append(one)
+    for same in by_reason.values():
+        *others, last = same
+        numbers = ", ".join(str(one["step"] + 1) for one in others)
+        also = f" (and {'step' if len(others) == 1 else 'steps'} {numbers})" if others else ""
+        yield f"step {last['step'] + 1}{also}, {last['text']}: {other_line(last)}"
 
 
 def dynamic_rows(steps: Sequence[Row]) -> list[dict[str, float]]:
@@ -72,12 +81,12 @@ HOLD_HEADINGS = ["step", "hold", "tau [s]", "interval", "amplitude", "end"]
 def dynamic_cells(one: Row) -> list[str]:
     """Return the cells of a sine."""
     found = one["dynamic"]
-    loss, tangent = found["loss"], found["loss_tangent"]
+    storage, loss, tangent = (found[name] for name in ("storage", "loss", "loss_tangent"))
     return [
         str(one["step"] + 1),
         f"{found['frequency']:g}",
         f"{found['amplitude'] * 1e3:.3g}",
-        with_half(found["storage"], found["storage_half"]),
+        "-" if storage is None else with_half(storage, found["storage_half"]),
         "-" if loss is None else with_half(loss, found["loss_half"]),
         "-" if tangent is None else f"{tangent:.3g}",
     ]

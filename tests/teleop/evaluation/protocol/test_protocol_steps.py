@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from estimation.filters import Play
 from estimation.transmission import RIGID, TransmissionCalibration
 from teleop.evaluation.protocol.dynamic import dynamic_stiffness
 from teleop.evaluation.protocol.exponentials import fit_decay
@@ -92,3 +93,16 @@ def test_the_loss_is_withheld_if_the_lag_is_not_known():
     found = dynamic_stiffness(t, x, 2000.0 * x, 1.0, RIGID)
     assert found.loss is None
     assert "each millisecond makes it smaller by 12.6 N/m" in found.reason
+
+
+@pytest.mark.parametrize(("share", "stated"), [(0.0, True), (0.03, True), (0.4, False)])
+def test_a_sine_behind_lost_motion_that_is_not_known_gives_no_narrow_stiffness(share, stated):
+    t = np.arange(0.0, 8.0, 1e-3)
+    x = 1e-3 * np.sin(2.0 * math.pi * t)
+    f = SPRING * Play(share * 1e-3).run(x) + np.random.default_rng(90421).normal(0.0, 0.01, len(t))
+    found = dynamic_stiffness(t, x, f, 1.0, RIGID)
+    if not stated:
+        assert found.storage is None
+        assert "as with lost motion" in found.reason
+    else:
+        assert abs(found.storage - SPRING) < found.storage_half
