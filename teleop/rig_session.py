@@ -13,8 +13,10 @@ import signal
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 from importlib import import_module
 from multiprocessing.connection import Connection
+from multiprocessing.util import Finalize
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -30,7 +32,7 @@ from teleop.recording.new_recording import new_recording
 from teleop.recording.recording import Recording, load
 from teleop.recording.sinks import Outcome, Sink
 from teleop.safety import Event
-from teleop.settings.custom_class import CustomClass, stated_part
+from teleop.settings.custom_class import CustomClass, described, stated_part
 from teleop.settings.plug_ins import is_plug_in
 from teleop.settings.protocol_files import load_protocol
 from teleop.settings.rig_loading import load_rig_file
@@ -47,6 +49,7 @@ Ask = Callable[[str], bool]
 """Function that shows a text to a person and returns whether the person arms the drives."""
 POLL = 0.05
 """Time between two looks for new samples [s]."""
+GUARD = 'in a script, expected trials within `if __name__ == "__main__":`'
 NOT_ARMED = "expected arm=teleop.ask, or another function that asks a person to arm the drives"
 
 
@@ -138,9 +141,21 @@ class Rig:
         if protocol:
             read = load_protocol(protocol)
             settings = {"duration": read.longest, **settings, "protocol": read}
+        if not (condition is None or isinstance(condition, str)):
+            raise InputError(
+                f"condition {condition!r}: expected the name of a condition, or in Rig.run an "
+                "object of a class derived from teleop.Condition"
+            )
         if condition and is_plug_in("condition", condition):
+            if "custom_condition" in settings:
+                raise InputError("custom_condition: beside a name: expected parameters={...}")
             stated = CustomClass(condition, parameters=parameters or {})
             settings["custom_condition"] = stated_part("condition", stated)
+        elif parameters:
+            raise InputError(
+                "parameters: expected the name of a condition of another package, got "
+                f"{condition!r}"
+            )
         elif condition:
             settings["condition"] = condition
         return TrialSettings(**{**self._settings, **settings})
@@ -187,18 +202,20 @@ class Rig:
         RigError
             The rig cannot be opened, or a device fails before the drives are armed.
         """
+        check_main()
         custom = condition if isinstance(condition, Condition) else None
-        name = condition if isinstance(condition, str) else None
+        name: Any = None if custom else condition
         if custom is not None and custom.moved_by == "injector":
             name = "autonomous"  # no simulated hand
         stated = self.settings(name, **settings)
+        shown = replace(stated, custom_condition=described(custom)) if custom else stated
         return run_trial(
             stated,
             Path(record) if record else None,
             show=show,
             real=realtime,
             condition=custom,
-            arm=is_armed(stated, arm),
+            arm=is_armed(shown, arm),
         )
 
     def start(
@@ -211,6 +228,9 @@ class Rig:
         **settings: Any,
     ) -> RunningTrial:
         """Start a trial in another process, and return at once.
+
+        A script must call this function within `if __name__ == "__main__":`, because the other
+        process imports the script. A notebook needs nothing.
 
         Parameters
         ----------
@@ -236,6 +256,7 @@ class Rig:
         InputError
             A setting is invalid, the condition is an object, or nobody has armed the drives.
         """
+        check_main()
         if isinstance(condition, Condition):
             raise InputError(
                 f"condition {type(condition).__name__}: an object is not sent to another process: "
@@ -245,6 +266,15 @@ class Rig:
         armed = is_armed(stated, arm)
         path = Path(record) if record else new_recording(stated.condition_name, stated.palpated)
         return RunningTrial(stated, path, armed, realtime, overwrite=record is None)
+
+
+def check_main() -> None:
+    """Check that this process does not import the script that has started it.
+
+    It would run the trials of the script again.
+    """
+    if getattr(multiprocessing.current_process(), "_inheriting", False):
+        raise InputError(f"the process of a trial imports this script: {GUARD}")
 
 
 def is_armed(settings: TrialSettings, arm: Ask | None) -> bool:
@@ -289,6 +319,8 @@ def perform(
 
     Any message of the other process stops the drives, and so does its end.
     """
+    # a process that a script starts in the background ignores SIGINT, and so would this one
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     thread = threading.Thread(target=stop_on_message, args=(connection,), daemon=True)
     thread.start()
     file = SharedFile.open(ring[0], writable=True)
@@ -296,6 +328,7 @@ def perform(
     real = realtime if settings.clock == "real" else "off"
     try:
         trial = run_trial(settings, path, real=real, overwrite=overwrite, arm=armed, further=[sink])
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # nothing moves any more
         summary = {**trial.summary(), **trial.result.summary}
         connection.send(("done", summary))
     except KeyboardInterrupt:
@@ -307,10 +340,18 @@ def perform(
 
 
 def stop_on_message(connection: Connection) -> None:
-    """Wait for a message, or for the end of the other process; then stop as Ctrl-C does."""
-    with contextlib.suppress(EOFError, OSError):
-        connection.recv()
-    signal.raise_signal(signal.SIGINT)
+    """Stop as Ctrl-C does, at each message and at the end of the other process."""
+    is_open = True
+    while is_open:
+        try:
+            connection.recv()
+        except (EOFError, OSError):
+            is_open = False
+        signal.raise_signal(signal.SIGINT)
+
+
+RUNNING: set[RunningTrial] = set()
+"""Trials that run in other processes."""
 
 
 class RunningTrial:
@@ -344,8 +385,12 @@ class RunningTrial:
         self._process = context.Process(target=perform, args=arguments, daemon=False)
         self._answer: tuple[str, Any] | None = None
         self._callbacks: list[threading.Thread] = []
+        self._lock = threading.Lock()
         self._process.start()
         other.close()
+        # the end of this process, or of the last reference to this object, must stop the drives
+        RUNNING.add(self)
+        self._at_exit = Finalize(None, self.stop, exitpriority=100)
 
     @property
     def is_running(self) -> bool:
@@ -416,8 +461,9 @@ class RunningTrial:
         self._file.remove()
         for thread in self._callbacks:
             thread.join()
-            if isinstance(thread, Caller) and thread.error:
-                raise thread.error
+            if isinstance(thread, Caller) and (error := thread.error):
+                thread.error = None  # the next call returns the result
+                raise error
         assert self._answer
         kind, value = self._answer
         if kind == "failed":
@@ -426,15 +472,22 @@ class RunningTrial:
 
     def _receive(self, timeout: float | None) -> bool:
         """Wait for the answer of the other process; return whether it has answered."""
-        if self._answer is None:
-            try:
-                if self._connection.poll(timeout):
-                    self._answer = self._connection.recv()
-            except (EOFError, OSError):
-                self._process.join()
-                code = self._process.exitcode
-                self._answer = ("failed", f"the process of the trial ended with code {code}")
-        return self._answer is not None
+        with self._lock:
+            if self._answer is None:
+                try:
+                    if self._connection.poll(timeout):
+                        self._answer = self._connection.recv()
+                except (EOFError, OSError):
+                    self._process.join()
+                    code = self._process.exitcode
+                    self._answer = (
+                        "failed",
+                        f"the process of the trial ended with code {code}; {GUARD}",
+                    )
+            if self._answer is not None:
+                RUNNING.discard(self)
+                self._at_exit.cancel()
+            return self._answer is not None
 
     def _read(self, numbers: range) -> tuple[int, dict[str, Floats]]:
         """Return the number of the newest sample read, and the samples by column."""

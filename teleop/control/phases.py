@@ -18,6 +18,10 @@ from typing import Literal, NamedTuple
 from teleop.control.excitation_signals import Chirp
 
 Quantity = Literal["position", "force"]
+LONGEST_APPROACH = 20e-3
+"""Way of an approach to the depth of the trial, for the duration of the protocol [m]."""
+AMPLITUDE = 0.5e-3
+"""Usual amplitude about a depth [m]."""
 ONSET = 1
 """Number of cycles in which a periodic motion begins, and in which it ends."""
 TONES = 20
@@ -88,7 +92,7 @@ class Move(Step):
         time = self.duration(start)
         if not t < time:
             return Reference(self.goal, 0.0)
-        s, way = t / time, self.goal - start
+        s, way = max(t, 0.0) / time, self.goal - start
         return Reference(
             start + way * s**3 * (10.0 - 15.0 * s + 6.0 * s * s),
             way * 30.0 * (s * (1.0 - s)) ** 2 / time,
@@ -139,7 +143,8 @@ class Seek(Step):
 
     force: float
     speed: float
-    deepest: float
+    deepest: float | None
+    """Position at which the approach ends [m]; None for the depth of the trial."""
     kind = "approach"
 
     @property
@@ -149,7 +154,8 @@ class Seek(Step):
 
     def duration(self, start: float) -> float:
         """Return the longest duration [s]."""
-        return max(self.deepest - start, 0.0) / self.speed
+        deepest = LONGEST_APPROACH if self.deepest is None else self.deepest
+        return max(deepest - start, 0.0) / self.speed
 
     def reference(self, t: float, start: float) -> Reference:
         """Return the reference, which begins to move without a step of the velocity."""
@@ -312,6 +318,11 @@ class Level(Phase):
             raise ValueError("expected either depth or force")
         if self.force is not None and self.force <= 0.0:
             raise ValueError(f"force: expected more than 0, got {self.force}")
+        if self.force is not None and hasattr(self, "amplitude"):
+            if self.amplitude is None:
+                raise ValueError("amplitude: is missing: expected a force [N]")
+            if not self.amplitude < self.force:
+                raise ValueError(f"amplitude: expected less than force, got {self.amplitude}")
 
     @property
     def by(self) -> Quantity:
@@ -324,6 +335,10 @@ class Level(Phase):
         value = self.depth if self.force is None else self.force
         assert value is not None
         return value
+
+    def size(self, amplitude: float | None) -> float:
+        """Return a stated amplitude, or the usual one about a depth."""
+        return AMPLITUDE if amplitude is None else amplitude
 
     @property
     def swing(self) -> float:
@@ -352,14 +367,25 @@ class Approach(Phase):
     """Contact force at which the approach ends [N], > 0."""
     speed: float = 2e-3
     """Speed [m/s], > 0."""
-    max_depth: float = 20e-3
-    """Position at which the trial ends if there was no contact [m], from the contact datum."""
+    max_depth: float | None = None
+    """Position at which the trial ends if there was no contact [m], from the contact datum.
+    Default: the depth of the trial."""
     kind: Literal["approach"] = "approach"
 
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.force <= 0.0:
             raise ValueError(f"force: expected more than 0, got {self.force}")
+
+    @property
+    def deepest(self) -> float:
+        """Position at which the approach ends [m]; 0 if it is that of the trial."""
+        return self.max_depth or 0.0
+
+    @property
+    def largest_force(self) -> float:
+        """Contact force at which the approach ends [N]."""
+        return self.force
 
     def steps(self, number: int) -> Iterator[Step]:
         """Yield the approach."""
@@ -486,8 +512,8 @@ class Cyclic(Level):
 
     frequencies: tuple[float, ...] = (1.0,)
     """Frequencies [Hz], > 0."""
-    amplitude: float = 0.5e-3
-    """Amplitude [m, or N about a force], > 0."""
+    amplitude: float | None = None
+    """Amplitude [m, or N about a force], > 0. Default about a depth: 0.5 mm."""
     cycles: int = 8
     """Number of whole cycles of each frequency, > 0. One cycle more begins the motion, and one ends
     it."""
@@ -504,14 +530,12 @@ class Cyclic(Level):
         for frequency in self.frequencies:
             tone = ((frequency, 1.0, 0.0),)
             time = (self.cycles + 2 * ONSET) / frequency
-            yield Oscillate(
-                number, self.by, self.value, self.amplitude, tone, time, ONSET / frequency
-            )
+            yield Oscillate(number, self.by, self.value, self.swing, tone, time, ONSET / frequency)
 
     @property
     def swing(self) -> float:
         """Amplitude about the value."""
-        return self.amplitude
+        return self.size(self.amplitude)
 
     @property
     def highest(self) -> float:
@@ -527,8 +551,8 @@ class Sweep(Level):
     """Lowest frequency [Hz], > 0."""
     high: float = 10.0
     """Highest frequency [Hz], > low."""
-    amplitude: float = 0.5e-3
-    """Amplitude [m, or N about a force], > 0."""
+    amplitude: float | None = None
+    """Amplitude [m, or N about a force], > 0. Default about a depth: 0.5 mm."""
     duration: float = 30.0
     """Duration [s], > 0."""
     kind: Literal["sweep"] = "sweep"
@@ -542,13 +566,13 @@ class Sweep(Level):
         """Yield the movement to the mean, and the sweep."""
         yield Move(number, self.by, self.value, 0.5)
         yield SweepFrequency(
-            number, self.by, self.value, self.amplitude, self.low, self.high, self.duration
+            number, self.by, self.value, self.swing, self.low, self.high, self.duration
         )
 
     @property
     def swing(self) -> float:
         """Amplitude about the value."""
-        return self.amplitude
+        return self.size(self.amplitude)
 
     @property
     def highest(self) -> float:
@@ -564,8 +588,8 @@ class Random(Level):
     """Lowest frequency [Hz], > 0."""
     high: float = 5.0
     """Highest frequency [Hz], > low."""
-    amplitude: float = 0.5e-3
-    """Largest deviation [m, or N about a force], > 0."""
+    amplitude: float | None = None
+    """Largest deviation [m, or N about a force], > 0. Default about a depth: 0.5 mm."""
     duration: float = 20.0
     """Duration [s], > 0."""
     seed: int = 0
@@ -594,12 +618,12 @@ class Random(Level):
         )
         tones = tuple((frequency, 1.0 / peak, phase) for frequency, phase in sines)
         rise = min(1.0, 0.25 * self.duration)
-        yield Oscillate(number, self.by, self.value, self.amplitude, tones, self.duration, rise)
+        yield Oscillate(number, self.by, self.value, self.swing, tones, self.duration, rise)
 
     @property
     def swing(self) -> float:
         """Largest deviation from the value."""
-        return self.amplitude
+        return self.size(self.amplitude)
 
     @property
     def highest(self) -> float:

@@ -32,7 +32,7 @@ from drivers import Measurement
 from estimation.filters import Play
 from teleop.control.admittance import AdmittanceParameters
 from teleop.control.conditions import Condition, IntendedMotion
-from teleop.control.phases import AnyPhase, Reference, Seek, Stay, Step
+from teleop.control.phases import AnyPhase, Move, Reference, Seek, Stay, Step
 from teleop.control.tip_position import TipPosition
 
 FOLLOWING = 30.0
@@ -50,7 +50,18 @@ MEMORY = 0.3
 LEAST_TRAVEL = 5e-6
 """Standard deviation of the position from which on the stiffness is computed [m]; at least three
 steps of the encoder."""
-IN_CONTACT = 25.0
+TOUCHES = 3
+"""Number of successive samples with the contact force that end an approach: noise may reach it."""
+REACHED, LOST, LOST_TIME = 0.7, 0.3, 0.2
+"""Shares of the reference from which on the contact force was reached, and below which it is lost
+after this time [s]."""
+IN_AIR = 5.0
+"""Average force, in its standard deviations by noise, below which the slave may be in air."""
+LEAST_CONTACT = 1e-3
+"""Average force below which the slave may be in air [N]."""
+SECANT = 1.5
+"""First felt stiffness after an approach, relative to the secant of the contact force."""
+IN_CONTACT = 9.0
 """Variance of the force, relative to that of its noise, from which on the slave is in contact."""
 AVERAGING = 0.05
 """Time constant of the average of the force with which the force is held [s]."""
@@ -111,7 +122,9 @@ class ProtocolSettings:
     @property
     def longest(self) -> float:
         """Longest duration of the protocol [s]: each movement is assumed to need its whole way."""
-        ends = {"position": (0.0, self.deepest), "force": (0.0, self.largest_force)}
+        depths = [step.goal for step in self.steps if isinstance(step, Move)]
+        least = min((one for one in depths), default=0.0)
+        ends = {"position": (min(least, 0.0), self.deepest), "force": (0.0, self.largest_force)}
         return sum(max(map(step.duration, ends[step.by])) for step in self.steps)
 
 
@@ -123,13 +136,14 @@ class Protocol(Condition):
 
     def __init__(self, settings: ProtocolSettings) -> None:
         self.settings = settings
-        self.finished = False
+        self.finished, self._index, self._reason = False, -1, ""
 
     def prepare(self, motion: IntendedMotion) -> None:
         """Begin with the first step."""
         self._steps = self.settings.steps
         self._mass = MassVelocity(motion.admittance)
         self._scale = motion.scale
+        self._depth = motion.depth
         known = motion.transmission
         self._lost, self._compliance = known.lost_motion, known.compliance
         self._offset = Offset(self._lost)
@@ -138,12 +152,23 @@ class Protocol(Condition):
         self._felt = FeltStiffness(max(LEAST_TRAVEL, 3.0 * motion.resolution))
         self._crossings = Crossings()
         self._index = -1
+        self._touching = 0
+        """Number of successive samples of an approach with the contact force."""
+        self._held = math.inf
+        """Latest time at which the contact force was near its reference [s]."""
         self._zero = 0.0
         """Position of the tip at the contact point [m]."""
         self._time = self._begin = 0.0
         self._by, self._value, self._start = "position", math.nan, math.nan
         self.phase = math.nan
-        self.finished, self.ending = False, ""
+        self.finished, self._reason = False, ""
+
+    @property
+    def ending(self) -> str:  # type: ignore[override]
+        """Reason why the protocol is not complete; empty if it is."""
+        if self.finished or self._index < 0:
+            return self._reason
+        return f"the trial ended in step {self._index + 1} of {len(self._steps)} of the protocol"
 
     def motion_texts(self, motion: IntendedMotion) -> dict[str, str]:
         """Return the name of the protocol, and the number of its steps."""
@@ -156,9 +181,11 @@ class Protocol(Condition):
         played = self._play.update(x)
         tip = played - self._compliance * f
         dt = t - self._time
+        if dt < 0.0:
+            self._end("the drives were armed again: a protocol is not continued")
         self._time = t
         if self.finished:
-            return self._mass.force(0.0, dt)
+            return self._mass.force(0.0, max(dt, 0.0))
         if self._index < 0:
             self._next(t, tip, f)
         self._felt.update(tip, f, dt)
@@ -188,23 +215,42 @@ class Protocol(Condition):
                 side = math.copysign(CROSSED * self._lost, rate or error)
                 if (x - played - side) * side < 0.0:
                     velocity += FOLLOWING * (side - (x - played))
-            if self._crossings.update(t, f, value):
-                self._end("the control of the contact force oscillates")
+            self._check_force(step, t, tip, f, value)
         return self._mass.force(velocity / self._scale, dt)
+
+    def _check_force(self, step: Step, t: float, tip: float, f: float, value: float) -> None:
+        """End the protocol if the contact force oscillates or is lost, or the tip is too deep."""
+        # a sine of the force crosses its reference because of the lag of the control
+        if isinstance(step, Move | Stay) and self._crossings.update(t, f, value):
+            self._end("the control of the contact force oscillates")
+        if self._felt.force > REACHED * value:
+            self._held = t
+        elif self._felt.force < LOST * value and t - self._held > LOST_TIME:
+            self._end(f"the contact force was lost at {1e3 * tip:.3g} mm")
+        if tip > self._depth:
+            self._end(
+                f"the tip is deeper than the depth of the trial, {1e3 * self._depth:.4g} mm, "
+                f"before the contact force is {value:.3g} N"
+            )
 
     def _over(self, step: Step, t: float, tip: float, f: float) -> bool:
         """Return whether a step has ended; end the protocol if an approach found no contact."""
         late = t - self._begin >= step.duration(self._start)
         if not isinstance(step, Seek):
             return late
-        if f >= step.force:
+        deepest = self._depth if step.deepest is None else step.deepest
+        self._touching = self._touching + 1 if f >= step.force else 0
+        if self._touching == TOUCHES:
             self._zero = tip
+            self._felt.touched(tip, f)
             return True
-        if late:
+        if late or tip >= deepest:
             self._end(
                 f"approach: the contact force has not reached {step.force:g} N at "
                 f"{1e3 * tip:.3g} mm"
             )
+        elif self._felt.force < -step.force:
+            self._end(f"approach: the contact force is negative, {self._felt.force:.3g} N")
         return False
 
     def _next(self, t: float, tip: float, f: float) -> None:
@@ -216,11 +262,13 @@ class Protocol(Condition):
         last = self._by if self._index else ""
         step = self._steps[self._index]
         kept = last == step.by and not self._after_approach
+        if isinstance(step, Seek):  # its depths are measured from the contact datum
+            self._zero, self._touching, kept = 0.0, 0, False
         force = f if self._after_approach else self._felt.force
         present = tip - self._zero if step.by == "position" else force
         self._start = self._value if kept else present
         self._by, self._begin, self.phase = step.by, t, float(self._index)
-        self._crossings = Crossings()
+        self._crossings, self._held = Crossings(), math.inf
 
     @property
     def _after_approach(self) -> bool:
@@ -229,7 +277,7 @@ class Protocol(Condition):
 
     def _end(self, reason: str) -> None:
         """End the protocol, for a reason if it is not complete."""
-        self.finished, self.ending = True, reason
+        self.finished, self._reason = True, self._reason or reason
 
 
 class MassVelocity:
@@ -284,9 +332,9 @@ class Offset:
 class FeltStiffness:
     """Stiffness that the slave feels: the recent change of the force, by that of the position.
 
-    It is the ratio of the two standard deviations. Unlike the slope of a regression, it does not
-    become smaller if the force has a lag, or noise: too small a stiffness would make the control of
-    the force unstable. It increases at once, and decreases slowly.
+    It is the ratio of the two standard deviations in contact. Unlike the slope of a regression, it
+    does not become smaller if the force has a lag, or noise: too small a stiffness would make the
+    control of the force unstable. It increases at once, and decreases slowly.
 
     Parameters
     ----------
@@ -301,6 +349,8 @@ class FeltStiffness:
         self.force = 0.0
         """Average of the contact force [N]."""
         self._is_felt = False
+        self._air = math.nan
+        """Latest position in air [m]."""
         self._x = math.nan
         self._f = self._xx = self._ff = self._last = self._noise = 0.0
 
@@ -315,6 +365,10 @@ class FeltStiffness:
         self._x += share * dx
         self._f += share * df
         self._last = f
+        by_noise = math.sqrt(self._noise * dt / (2.0 * AVERAGING))
+        if self.force < IN_AIR * by_noise + LEAST_CONTACT:  # the travel in air shows no stiffness
+            self._x, self._f, self._xx, self._ff = x, f, 0.0, 0.0
+            self._air = x
         self._xx += share * ((1.0 - share) * dx * dx - self._xx)
         self._ff += share * ((1.0 - share) * df * df - self._ff)
         self._noise += share * (0.5 * change * change - self._noise)
@@ -323,6 +377,12 @@ class FeltStiffness:
             slower = share if self._is_felt and found < self.stiffness else 1.0
             self.stiffness += slower * (found - self.stiffness)
             self._is_felt = True
+
+    def touched(self, x: float, f: float) -> None:
+        """Use the secant of the contact force at the end of an approach, if nothing is felt yet."""
+        way = x - self._air
+        if not self._is_felt and way * way > 4.0 * self._least:
+            self.stiffness = SECANT * f / way
 
 
 class Crossings:

@@ -167,6 +167,10 @@ def problems_of_protocol(settings: TrialSettings, protocol: ProtocolSettings) ->
         yield "protocol: beside custom_condition: expected one of them"
     if settings.custom_link:
         yield f"link {settings.custom_link.name}: not in a protocol"
+    if settings.until:
+        yield "until: not in a protocol, whose steps would be left out: expected one of them"
+    if settings.signal or settings.custom_signal:
+        yield "signal: not in a protocol: expected phases such as cyclic, sweep or random"
     if settings.duration < protocol.longest:
         yield (
             f"duration {settings.duration:g} s: expected at least {protocol.longest:.4g} s, which "
@@ -192,7 +196,7 @@ def problems_of_phases(
     settings: TrialSettings, protocol: ProtocolSettings, limits: Limits
 ) -> Iterator[str]:
     """Yield a message for each phase that does not respect the limits of the rig."""
-    depth, lag = settings.setup.depth, settings.transmission.force_lag
+    depth, lag = settings.setup.depth, settings.transmission.force_lag + limits.drive_lag
     for number, phase in enumerate(protocol.phases, start=1):
         what = f"protocol, phase {number} ({phase.kind})"
         if phase.deepest > depth * (1.0 + 1e-9):
@@ -205,9 +209,9 @@ def problems_of_phases(
                 f"{what}: force {phase.largest_force:g} N: expected at most the soft force limit, "
                 f"{limits.soft_force:.3g} N"
             )
-    if protocol.largest_force and lag > LAG:
+    if lag > LAG and any(step.by == "force" for step in protocol.steps):
         yield (
-            f"protocol: the contact force has a lag of {lag * 1e3:.3g} ms: expected at most "
+            f"protocol: contact force and drive have a lag of {lag * 1e3:.3g} ms: expected at most "
             f"{LAG * 1e3:g} ms, with which the force can be controlled"
         )
 

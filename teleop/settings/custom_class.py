@@ -179,6 +179,8 @@ def create(part: PartName, stated: CustomClass) -> Any:
         )
     if part == "rig":
         return partial(called, what, kind, **stated.parameters)
+    if stated.plug_in:
+        checked_parameters(part, stated.name, kind, stated.parameters)
     found = called(what, kind, **stated.parameters)
     now = described(found)
     differ = [
@@ -228,6 +230,12 @@ def class_of(part: PartName, stated: CustomClass, what: str) -> Any:
     return kind
 
 
+def number_of(value: object, usual: float) -> float:
+    """Return a recorded number, or a usual one if it is none."""
+    is_number = isinstance(value, float | int) and not isinstance(value, bool)
+    return float(value) if is_number else usual  # type: ignore[arg-type]
+
+
 class StatedCondition(Condition):
     """A condition of which only the recorded statement is known, because it is not installed."""
 
@@ -243,7 +251,7 @@ class StatedCondition(Condition):
     def averaged_times(self, motion: IntendedMotion) -> tuple[float, float, str]:
         """Return the recorded part of the trial."""
         known = self._stated.properties
-        start, end = (float(known.get(name, usual)) for name, usual in AVERAGED)  # type: ignore[arg-type]
+        start, end = (number_of(known.get(name), usual) for name, usual in AVERAGED)
         return start, end, str(known.get("left_out", ""))
 
     def drive_force(self, t: float, measurement: Measurement) -> float:
@@ -273,7 +281,7 @@ class StatedSignal(Signal):
     @property
     def highest(self) -> float:
         """Highest frequency that the signal contains [Hz]."""
-        return float(self.stated.properties.get("highest") or 0.0)
+        return number_of(self.stated.properties.get("highest"), 0.0)
 
     @property
     def text(self) -> str:
@@ -296,8 +304,8 @@ def known_condition(stated: CustomClass) -> Condition:
 
 def known_signal(stated: CustomClass) -> Signal:
     """Return the signal of a statement for the evaluation: installed, or as it is recorded."""
-    try:
-        found: Signal = create("signal", stated)
+    try:  # a recording may come from anyone: only what a package offers is imported
+        found: Signal | None = create("signal", stated) if stated.plug_in else None
     except InputError:
-        return StatedSignal(stated)
-    return found
+        found = None
+    return found or StatedSignal(stated)

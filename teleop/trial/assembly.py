@@ -8,6 +8,7 @@ from dataclasses import replace
 from drivers import Rig
 from estimation import Bank, Estimator
 from sim_backend import (
+    DEPTH,
     ForcePalpation,
     FreePalpation,
     MimickedSine,
@@ -24,6 +25,7 @@ from teleop.control.controller import Controller
 from teleop.control.estimates import Estimation
 from teleop.control.feedback.law import LawInputs
 from teleop.control.link import DirectLink, Link, LinkSettings
+from teleop.errors import InputError
 from teleop.recording.columns import FEEDBACK_COLUMNS, Layout
 from teleop.settings.custom_class import called, create
 from teleop.settings.feedback_checks import expected_stiffness
@@ -132,9 +134,13 @@ def prepared(condition: Condition, settings: TrialSettings) -> Condition:
     """Prepare a condition for a trial; InputError if a part of the trial is not installed."""
     if settings.custom_signal:
         create("signal", settings.custom_signal)
-    called(
-        f"condition {settings.condition_name}", condition.prepare, motion=settings.intended_motion
-    )
+    what = f"condition {settings.condition_name}"
+    if callable(condition.finished):
+        raise InputError(f"{what}: finished is a method: expected an attribute or a property")
+    if condition.moved_by not in DEPTH:
+        expected = " or ".join(DEPTH)
+        raise InputError(f"{what}: moved_by {condition.moved_by!r}: expected {expected}")
+    called(what, condition.prepare, motion=settings.intended_motion)
     return condition
 
 

@@ -175,7 +175,7 @@ def run_trial(
         rejected,
         outputs.black_box,
         outputs.black_box_problem,
-        loop.controller.ending,
+        "" if switch.interrupted or outputs.fault else loop.controller.ending,
     )
 
 

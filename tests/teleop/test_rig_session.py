@@ -159,3 +159,44 @@ def test_a_notebook_shows_a_text_without_ipywidgets(monkeypatch, capsys):
     monkeypatch.setattr(rig_session, "import_module", imported)
     rig_session.show_with_button("<trial>")
     assert "stop() stops the drives" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("condition", "options", "expected"),
+    [
+        (Push, {}, "expected the name of a condition"),
+        (3, {}, "expected the name of a condition"),
+        ("free", {"parameters": {"limit": 1.0}}, "expected the name of a condition of another"),
+    ],
+)
+def test_what_is_no_condition_is_refused(condition, options, expected):
+    with pytest.raises(teleop.InputError, match=expected):
+        teleop.Rig().run(condition, clock="virtual", duration=0.2, **options)
+
+
+def test_a_method_in_place_of_an_attribute_is_refused():
+    class Ends(Push):
+        def finished(self):
+            return False
+
+    with pytest.raises(teleop.InputError, match="finished is a method"):
+        teleop.Rig().run(Ends(), clock="virtual", duration=0.2)
+
+
+def ending_parent(folder):
+    """A script that ignores SIGINT, as in the background of a shell, and ends during a trial."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    trial = teleop.Rig().start("autonomous", record=folder / "d.mcap", duration=60.0, **SLOW)
+    while not len(trial.samples(0.2)["time"]):
+        time.sleep(0.05)
+
+
+@pytest.mark.real_time
+def test_the_drives_stop_at_the_end_of_a_script_that_ignores_interrupts(tmp_path):
+    script = multiprocessing.get_context("spawn").Process(target=ending_parent, args=(tmp_path,))
+    began = time.monotonic()
+    script.start()
+    script.join(40.0)
+    assert script.exitcode is not None
+    assert time.monotonic() - began < 40.0
+    assert teleop.load(tmp_path / "d.mcap")["time"][-1] < 30.0

@@ -14,6 +14,12 @@ from estimation.transmission import TransmissionCalibration
 LARGEST_DISTORTION = 0.03
 """Largest harmonics of the force with which the complex stiffness is stated. Play of a tenth of the
 amplitude causes 4 %, and decreases k' by 5 %; play of a third causes 12 %, and 29 %."""
+LONGEST_LAG = 20e-3
+"""Longest lag of the force that is expected if it is not known [s]."""
+LARGEST_ERROR = 0.3
+"""Largest effect of an unknown lag on k', relative to k', with which k' is stated."""
+FEWEST_SAMPLES = 16
+"""Smallest number of samples in a cycle."""
 DECREASE = 1.4
 """Decrease of k' by play, relative to the harmonics that it causes."""
 FEWEST_CYCLES = 3
@@ -29,7 +35,7 @@ class DynamicStiffness:
     amplitude: float
     """Amplitude of the position behind the lost motion [m]."""
     distortion: float
-    """Part of the force at the harmonics of the motion, relative to its fundamental."""
+    """Third harmonic of the force that the motion does not explain, relative to the fundamental."""
     storage: float | None
     """Storage stiffness k' of specimen and transmission in series [N/m]; None if the force has too
     large harmonics."""
@@ -75,7 +81,7 @@ def dynamic_stiffness(
     ratios, sizes, harmonics = [], [], []
     for cycle in range(whole):
         part = cycles == cycle
-        if part.sum() < 6:
+        if part.sum() < FEWEST_SAMPLES:
             return None
         angle = omega * t[part]
         waves = [np.ones(part.sum()), t[part] - t[0]]
@@ -87,14 +93,17 @@ def dynamic_stiffness(
             return None
         ratios.append(force / position)
         sizes.append(abs(position))
-        # those that a linear specimen would make of the harmonics of the position are not counted
-        others = found[4:, 1] - abs(force / position) * found[4:, 0]
-        harmonics.append(others / abs(force))
+        # Play is symmetrical, and causes odd harmonics; tissue that stiffens causes even ones. The
+        # harmonic that a linear specimen makes of that of the position is not counted.
+        third = found[6] - 1j * found[7]
+        lag = known.response(3.0 * omega) / known.response(omega)
+        harmonics.append((third[1] - force / position * lag * third[0]) / abs(force))
     if whole < FEWEST_CYCLES:
         return None
     complex_ratios = np.array(ratios) / known.response(omega)
     mean = complex(complex_ratios.mean())
-    distortion = float(np.linalg.norm(np.mean(harmonics, axis=0)))
+    # the phase of a harmonic turns three times as fast as that of the fundamental
+    distortion = float(np.mean(np.abs(harmonics)))
     amplitude = float(np.mean(sizes))
     scale = float(stdtrit(whole - 1, 0.975)) / math.sqrt(whole)
     both = (complex_ratios.real, complex_ratios.imag)
@@ -105,19 +114,28 @@ def dynamic_stiffness(
         omega * known.damping_error(k, per_speed, omega),
     )
     halves = [math.hypot(*both) for both in zip(by_noise, by_calibration, strict=True)]
+    # an error of the lag turns k' + i k''; an unknown lag may be up to LONGEST_LAG
+    turn = omega * (known.force_lag_error if known.force_lag else LONGEST_LAG)
+    by_lag = abs(mean.imag) * turn + 0.5 * abs(k) * turn * turn
+    halves[0] = math.hypot(halves[0], by_lag)
     if not known.lost_motion:  # it may be the cause of the harmonics
         halves[0] = math.hypot(halves[0], DECREASE * distortion * abs(k))
     tip = None
     if known.compliance and abs(known.compliance * mean) < 1.0:
         tip = mean / (1.0 - known.compliance * mean)
+    if by_lag > LARGEST_ERROR * abs(k):
+        reason = (
+            "k' and k'' are not determined, because the lag of the force is not known: a lag of "
+            f"{1e3 * LONGEST_LAG:g} ms would change k' by {by_lag / abs(k):.0%}"
+        )
+        return DynamicStiffness(frequency, amplitude, distortion, *(None,) * 7, reason)
     if distortion > LARGEST_DISTORTION:
         reason = (
             f"k' is not determined: the force has harmonics of {distortion:.0%}, as with lost "
             "motion between position sensor and tip (teleop lag --stiffness measures it), loss of "
             "contact, or an amplitude at which the specimen is not linear"
         )
-        nothing = (None,) * 7
-        return DynamicStiffness(frequency, amplitude, distortion, *nothing, reason)
+        return DynamicStiffness(frequency, amplitude, distortion, *(None,) * 7, reason)
     values = (frequency, amplitude, distortion, mean.real, halves[0])
     if not known.force_lag:
         reason = (

@@ -4,9 +4,10 @@
 
 u is the quantity that is controlled: the position in a relaxation test, where y is the force, and
 the force in a creep test, where y is the position. While u is constant, each z_i decays
-exponentially. The equations also hold while u changes, so that the finite time of the ramp and an
-imperfect hold bias nothing. They are fitted to the hold only, because the elastic force may depend
-on the depth, which the ramp passes through.
+exponentially. The equations also hold while u changes, so that the finite time of the ramp does not
+bias the time constants. A specimen that has not recovered from an earlier load has other
+amplitudes, but the same time constants. The equations are fitted to the hold only, because the
+elastic force may depend on the depth, which the ramp passes through.
 
 For given time constants, the coefficients follow from linear least squares (variable projection).
 The number of exponentials is the one with the least Bayesian information criterion. The number of
@@ -42,6 +43,8 @@ GRID = 9
 """Number of time constants from which the search starts."""
 LONGER = "a time constant is not determined: expected a longer hold"
 """Reason if the hold is too short."""
+FASTEST = 0.4
+"""Shortest time constant that is looked for, relative to the time that is left out at the start."""
 LONGEST = 0.6
 """Longest time constant that is determined, relative to the duration of the hold: a slower part of
 the curve cannot be distinguished from a value that has not been reached."""
@@ -97,6 +100,8 @@ class Held:
     """Averages that are fitted."""
     rounding: float
     """Largest error of y that drifts slowly."""
+    sign: float
+    """Sign of the coefficients of a passive body."""
 
     @property
     def duration(self) -> float:
@@ -166,7 +171,9 @@ class Fit:
         return n * math.log(squares[0] / squares[1]) + 2.0 * further * math.log(max(n, 2.0))
 
 
-def fit_decay(t: Floats, u: Floats, y: Floats, settling: float, rounding: float = 0.0) -> Decay:
+def fit_decay(
+    t: Floats, u: Floats, y: Floats, settling: float, rounding: float = 0.0, sign: float = 1.0
+) -> Decay:
     """Fit a hold.
 
     Parameters
@@ -180,11 +187,13 @@ def fit_decay(t: Floats, u: Floats, y: Floats, settling: float, rounding: float 
     rounding
         Largest error of `y` due to the rounding of the position, which may drift slowly within
         one step of the encoder. The intervals contain its effect.
+    sign
+        Sign of the coefficients of a passive body: 1 for relaxation, -1 for creep.
     """
     size = max(1, len(t) // BLOCKS)
     whole = len(t) // size * size
     t, u, y = (values[:whole].reshape(-1, size).mean(axis=1) for values in (t, u, y))
-    held = Held(t, u, y, slice(int(np.searchsorted(t, settling)), None), rounding)
+    held = Held(t, u, y, slice(int(np.searchsorted(t, settling)), None), rounding, sign)
     best, unresolved = held.fitted(np.empty(0)), False
     for count in range(1, MOST + 1):
         found = best_fit(held, count)
@@ -202,13 +211,14 @@ def fit_decay(t: Floats, u: Floats, y: Floats, settling: float, rounding: float 
 
 
 def best_fit(held: Held, count: int) -> Fit | None:
-    """Return the best fit with a number of exponentials; None if none has equal signs.
+    """Return the best fit with a number of exponentials; None if none is that of a passive body.
 
-    The coefficients of a passive body have the same sign. Exponentials with different signs could
-    describe almost any curve.
+    Exponentials with different signs could describe almost any curve.
     """
     duration, n = held.duration, len(held.t[held.rows])
-    shortest, longest = 2.0 * duration / n, 2.0 * duration
+    # a faster part has decayed before the hold has settled
+    shortest = max(2.0 * duration / n, FASTEST * float(held.t[held.rows][0]))
+    longest = 2.0 * duration
     grid = np.log(np.geomspace(2.0 * shortest, 0.6 * duration, GRID))
 
     def cost(start: tuple[float, ...]) -> float:
@@ -224,8 +234,7 @@ def best_fit(held: Held, count: int) -> Fit | None:
             x_scale=1.0,
         )
         fit = held.fitted(np.sort(solution.x))
-        signs = np.sign(fit.coefficients[2:])
-        if abs(signs.sum()) == count:
+        if np.all(held.sign * fit.coefficients[2:] > 0.0):
             found.append(fit)
     return min(found, key=lambda fit: float(fit.residual @ fit.residual), default=None)
 
@@ -266,7 +275,7 @@ def decay_of(held: Held, fit: Fit) -> Decay:
     )
     reason = ""
     if not parts:
-        reason = "the signal does not change beyond its noise"
+        reason = "no relaxation beyond the noise, or the signal changes in the other direction"
     elif spreads.max() > LARGEST_ERROR or parts[-1].high > LONGEST * held.duration:
         reason = LONGER
     last = held.u[held.rows].mean() - held.u.mean()

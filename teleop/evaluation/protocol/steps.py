@@ -109,7 +109,7 @@ def evaluated(
     if step.kind in ("relaxation", "creep"):
         u, y = (tip, f) if step.kind == "relaxation" else (smoothed(f, t), tip)
         duration = float(t[-1]) - begin
-        settling = max(min(SETTLING[step.kind], 0.2 * duration), settled(t - begin, u))
+        settling = max(min(SETTLING[step.kind], 0.2 * duration), settled(t - begin, u, resolution))
         if settling > 0.5 * duration:
             return {"reason": f"the {step.by} was not held: it changed until the end of the step"}
         error, change = 0.5 * resolution, abs(tip[-1] - tip[0])
@@ -117,7 +117,8 @@ def evaluated(
             error *= abs(f[-1] - f[0]) / max(change, error, 1e-9)
         else:
             error += HELD_WITHIN * change
-        decay = fit_decay(t - begin, u, y, settling, error)
+        sign = 1.0 if step.kind == "relaxation" else -1.0
+        decay = fit_decay(t - begin, u, y, settling, error, sign)
         return {"held": float(u[t >= begin + settling].mean()), step.kind: asdict(decay)}
     if step.kind == "cyclic":
         rise = 1.0 / step.frequency
@@ -132,7 +133,7 @@ def evaluated(
     return {}
 
 
-def settled(t: Floats, u: Floats) -> float:
+def settled(t: Floats, u: Floats, resolution: float) -> float:
     """Return the time from which the controlled quantity stays near its value in the second half.
 
     `t` is the time since the start of the hold [s], negative in the ramp before it.
@@ -140,7 +141,10 @@ def settled(t: Floats, u: Floats) -> float:
     value = float(np.median(u[t >= 0.5 * t[-1]]))
     change = abs(value - float(u[0]))
     width = max(round(SMOOTHING * len(t) / float(t[-1] - t[0])), 1)
-    far = np.flatnonzero(np.abs(uniform_filter1d(u, width) - value) > NEAR * change)
+    averaged = uniform_filter1d(u, width)
+    noise = float(np.std(averaged[t >= 0.5 * t[-1]]))
+    near = max(NEAR * change, 4.0 * noise, 2.0 * resolution)  # without a ramp, nothing changes
+    far = np.flatnonzero(np.abs(averaged - value) > near)
     return float(t[far[-1]]) if len(far) else 0.0
 
 

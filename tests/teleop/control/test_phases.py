@@ -31,7 +31,7 @@ PHASES = st.one_of(
     st.builds(RampHoldRelease, depth=POSITIVE, ramp=POSITIVE, hold=POSITIVE, rest=POSITIVE),
     st.builds(Staircase, depths=st.tuples(POSITIVE, POSITIVE), ramp=POSITIVE, hold=POSITIVE),
     st.builds(Cyclic, depth=POSITIVE, frequencies=st.tuples(POSITIVE, POSITIVE), cycles=st.just(3)),
-    st.builds(Sweep, force=POSITIVE, low=st.just(0.2), high=POSITIVE.map(lambda f: 0.3 + f)),
+    st.builds(Sweep, depth=POSITIVE, low=st.just(0.2), high=POSITIVE.map(lambda f: 0.3 + f)),
     st.builds(Random, depth=POSITIVE, duration=POSITIVE, seed=st.integers(0, 99)),
     st.builds(Withdraw, POSITIVE),
 )
@@ -79,6 +79,8 @@ def test_a_random_motion_reaches_its_amplitude_and_does_not_exceed_it():
         (lambda: Cyclic(depth=1e-3, frequencies=()), "at least one"),
         (lambda: Cyclic(depth=1e-3, frequencies=(1.0, -1.0)), "more than 0"),
         (lambda: Sweep(depth=1e-3, low=2.0, high=1.0), "low < high"),
+        (lambda: Cyclic(force=1.0), "amplitude: is missing"),
+        (lambda: Cyclic(force=1.0, amplitude=1.0), "expected less than force"),
         (lambda: Staircase(), "either depths or forces"),
         (lambda: Hold(duration=math.inf), "finite"),
         (lambda: RampHoldRelease(depth=1e-3, rest=-1.0), "rest: expected at least 0"),

@@ -144,3 +144,75 @@ def test_the_virtual_mass_has_the_velocity_that_is_asked_for():
     for n in range(500):
         wanted = 0.02 * math.sin(0.02 * n)
         assert mass.step(inverse.force(wanted, DT), DT) == pytest.approx(wanted, abs=1e-5)
+
+
+def slave(phases, force_of, seconds, start=0.0, depth=10e-3):
+    """Perform phases with an ideal drive on a body; return the protocol, times and positions."""
+    protocol = Protocol(ProtocolSettings(tuple(phases)))
+    parameters = AdmittanceParameters()
+    protocol.prepare(IntendedMotion(Sine(1.0), depth, 0.0, 60.0, parameters, 1.0))
+    mass, x, noise = Admittance(parameters), start, random.Random(11)
+    positions = []
+    for n in range(round(seconds / DT)):
+        measured = force_of(x, n * DT) + noise.gauss(0.0, 0.02)
+        measurement = Measurement(n * DT, 0.0, x, x, measured, 0.0, AGES)
+        x += mass.step(protocol.drive_force(n * DT, measurement), DT) * DT
+        positions.append(x)
+        if protocol.finished:
+            break
+    return protocol, np.array(positions)
+
+
+@pytest.mark.parametrize("k", [500.0, 2000.0, 10000.0])
+def test_the_travel_in_air_before_an_approach_does_not_change_the_felt_stiffness(k):
+    phases = [Approach(speed=5e-3), Preload(force=2.0, ramp=0.5, hold=6.0)]
+    protocol, x = slave(phases, lambda x, t: k * max(x, 0.0), 8.0, start=-4e-3)
+    assert protocol.ending == "" or "step 3" in protocol.ending
+    assert protocol._felt.stiffness == pytest.approx(k, rel=0.35)
+    assert k * x.max() < 2.5
+    assert k * x[-500:].mean() == pytest.approx(2.0, rel=0.05)
+
+
+def test_a_body_that_gives_way_while_its_force_is_held_ends_the_protocol():
+    phases = [Approach(), Preload(force=2.0, ramp=0.5, hold=10.0)]
+    protocol, x = slave(phases, lambda x, t: 2000.0 * max(x, 0.0) if t < 3.0 else 0.0, 8.0)
+    assert "the contact force was lost" in protocol.ending
+    assert x[-1] < 9e-3
+
+
+def test_a_force_that_is_not_reached_ends_the_protocol_at_the_depth_of_the_trial():
+    phases = [Approach(), Preload(force=5.0, ramp=0.5, hold=60.0)]
+    protocol, x = slave(phases, lambda x, t: 100.0 * max(x, 0.0), 60.0, depth=8e-3)
+    assert "deeper than the depth of the trial, 8 mm" in protocol.ending
+    assert x[-1] < 8.3e-3
+
+
+def test_an_approach_against_a_force_of_the_wrong_sign_ends_the_protocol():
+    protocol, x = slave([Approach(), Hold()], lambda x, t: -2000.0 * max(x, 0.0), 10.0)
+    assert "the contact force is negative" in protocol.ending
+    assert x[-1] < 1e-3
+
+
+def test_a_second_approach_ends_at_its_depth_from_the_datum():
+    phases = [Approach(), Withdraw(0.2, depth=-2e-3), Approach(max_depth=4e-3), Hold()]
+
+    def body(x, t):
+        return 2000.0 * max(x - 2e-3, 0.0) if t < 1.4 else 0.0
+
+    protocol, x = slave(phases, body, 9.0)
+    assert "approach: the contact force has not reached 0.2 N" in protocol.ending
+    assert 3.8e-3 < x.max() < 4.1e-3
+
+
+def test_a_protocol_is_not_continued_after_the_drives_were_armed_again():
+    protocol, _ = slave([Approach(), Preload(depth=3e-3)], lambda x, t: 2000.0 * max(x, 0.0), 1.0)
+    measurement = Measurement(0.0, 0.0, 1e-3, 1e-3, 2.0, 0.0, AGES)
+    force = protocol.drive_force(0.0, measurement)
+    assert math.isfinite(force)
+    assert protocol.finished
+    assert "armed again" in protocol.ending
+
+
+def test_a_protocol_that_the_duration_cuts_says_so():
+    protocol, _ = slave([Approach(), Hold(5.0)], lambda x, t: 2000.0 * max(x, 0.0), 1.0)
+    assert protocol.ending == "the trial ended in step 2 of 2 of the protocol"
