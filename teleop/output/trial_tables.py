@@ -25,6 +25,8 @@ from teleop.printable import wrapped
 from teleop.recording.gaps import Gap, missing_text
 from teleop.safety.events import time_text
 
+EARLY = 0.9
+"""Part of the planned duration before which a trial has ended early."""
 LONG_GAP = 0.05
 """Time between two ticks above which a warning is printed [s]."""
 
@@ -120,10 +122,13 @@ def print_incomplete(console: Console, recording: Mapping[str, Any]) -> None:
 
 def duration(summary: Mapping[str, Any]) -> str:
     """Return the duration of a trial; if it ended early, also the planned one."""
-    planned = f"{summary['duration_s']:g} s"
-    if summary["interrupted"] or summary["safety"]["fault"]:
-        return f"{summary['actual_duration_s']:.2f} of {planned}"
-    return planned
+    planned, actual = summary["duration_s"], summary["actual_duration_s"]
+    if summary["steps"] and not (summary["ending"] or summary["safety"]["fault"]):
+        return f"{actual:.1f} s"  # a protocol has no duration of its own
+    is_early = summary["pairs"] and actual < EARLY * planned  # its purpose was reached before
+    if is_early or summary["interrupted"] or summary["safety"]["fault"]:
+        return f"{actual:.2f} of {planned:g} s"
+    return f"{planned:g} s"
 
 
 def print_truth(console: Console, summary: Mapping[str, Any], details: bool) -> None:
