@@ -3,7 +3,7 @@
 Each seed draws a body with two Maxwell branches and performs the protocols stress-relaxation and
 creep on the simulated rig. A body without a branch must have no time constant.
 
-    python benchmarks/protocols.py --seeds 40 --first-seed 733511
+    python benchmarks/protocols.py --seeds 24 --first-seed 733900
 """
 
 from __future__ import annotations
