@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import multiprocessing
 import os
-import signal
+import subprocess
+import sys
 import time
 
 import numpy as np
@@ -105,27 +105,42 @@ def test_stop_ends_the_trial_with_a_commanded_stop(tmp_path):
     assert not trial.is_running
 
 
-def parent(folder):
-    """A kernel that starts a trial and is killed."""
-    trial = teleop.Rig().start("autonomous", record=folder / "c.mcap", duration=60.0, **SLOW)
+SCRIPT = """
+import signal, sys, time
+import teleop
+
+if __name__ == "__main__":
+    if "--ignore" in sys.argv:  # as in the background of a shell
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+    trial = teleop.Rig().start(
+        "autonomous", record="a.mcap", duration=60.0, rate=250.0, estimators=("rls",),
+        realtime="off",
+    )
     while not len(trial.samples(0.2)["time"]):
         time.sleep(0.05)
-    (folder / "pid").write_text(str(trial._process.pid))
-    time.sleep(60.0)
+    print(trial._process.pid, flush=True)
+    if "--stay" in sys.argv:
+        time.sleep(60.0)
+"""
+"""A script that starts a trial, and ends or is killed while the trial runs."""
+
+
+def started(folder, *options):
+    """Start the script; return its process, when the trial runs."""
+    (folder / "script.py").write_text(SCRIPT)
+    command = [sys.executable, "script.py", *options]
+    return subprocess.Popen(command, cwd=folder, stdout=subprocess.PIPE, text=True)
 
 
 @pytest.mark.real_time
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="kills a process by a signal")
 def test_the_drives_stop_if_the_kernel_is_killed(tmp_path):
-    kernel = multiprocessing.get_context("spawn").Process(target=parent, args=(tmp_path,))
-    kernel.start()
-    deadline = time.monotonic() + 40.0
-    while not (tmp_path / "pid").exists() and time.monotonic() < deadline:
-        time.sleep(0.1)
-    child = int((tmp_path / "pid").read_text())
-    os.kill(kernel.pid, signal.SIGKILL)
-    kernel.join()
-    while time.monotonic() < deadline + 20.0:
+    kernel = started(tmp_path, "--stay")
+    child = int(kernel.stdout.readline())
+    kernel.kill()
+    kernel.communicate()
+    deadline = time.monotonic() + 30.0
+    while time.monotonic() < deadline:
         try:
             os.kill(child, 0)
         except ProcessLookupError:
@@ -133,7 +148,7 @@ def test_the_drives_stop_if_the_kernel_is_killed(tmp_path):
         time.sleep(0.1)
     else:
         pytest.fail("the process of the trial runs on")
-    recording = teleop.load(tmp_path / "c.mcap")
+    recording = teleop.load(tmp_path / "a.mcap")
     assert recording["time"][-1] < 50.0
     assert abs(recording["slave_velocity"][-1]) < 2e-3
 
@@ -183,20 +198,9 @@ def test_a_method_in_place_of_an_attribute_is_refused():
         teleop.Rig().run(Ends(), clock="virtual", duration=0.2)
 
 
-def ending_parent(folder):
-    """A script that ignores SIGINT, as in the background of a shell, and ends during a trial."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    trial = teleop.Rig().start("autonomous", record=folder / "d.mcap", duration=60.0, **SLOW)
-    while not len(trial.samples(0.2)["time"]):
-        time.sleep(0.05)
-
-
 @pytest.mark.real_time
 def test_the_drives_stop_at_the_end_of_a_script_that_ignores_interrupts(tmp_path):
-    script = multiprocessing.get_context("spawn").Process(target=ending_parent, args=(tmp_path,))
-    began = time.monotonic()
-    script.start()
-    script.join(40.0)
-    assert script.exitcode is not None
-    assert time.monotonic() - began < 40.0
-    assert teleop.load(tmp_path / "d.mcap")["time"][-1] < 30.0
+    script = started(tmp_path, "--ignore")
+    script.communicate(timeout=40.0)
+    assert script.returncode == 0
+    assert teleop.load(tmp_path / "a.mcap")["time"][-1] < 30.0
