@@ -163,3 +163,12 @@ def test_the_list_contains_parameters_and_what_cannot_be_used(
     assert "acme" in {row["name"] for row in found["devices"]}
     assert [row["name"] for row in found["rigs"]] == ["acme.spring"]
     sys.modules.pop("broken_part", None)
+
+
+def test_a_configuration_with_the_name_in_the_wrong_place_is_told_the_right_one(tmp_path, capsys):
+    path = tmp_path / "trial.toml"
+    path.write_text('condition = "acme.guarded"\n')
+    assert main(["config", "check", str(path)]) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    assert "one of another package: [custom_condition] name" in error

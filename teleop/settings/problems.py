@@ -96,6 +96,8 @@ def problem(part: ErrorDetails, keys: Mapping[str, str], root: Schema) -> Iterat
         yield f"{place}: unknown setting{known_keys(shown, found, keys)}"
     elif part["type"] == FILE:
         yield from (f"{place}: {line}" for line in part["msg"].splitlines())
+    elif part["type"] == "literal_error" and place == "condition":
+        yield f"{place}: {value_problem(part)}; one of another package: [custom_condition] name"
     elif part["type"] == "string_too_long":
         yield f"{place}: expected at most {context['max_length']} characters, got {len(value)}"
     elif part["type"] == "string_unicode":
