@@ -318,11 +318,6 @@ class Level(Phase):
             raise ValueError("expected either depth or force")
         if self.force is not None and self.force <= 0.0:
             raise ValueError(f"force: expected more than 0, got {self.force}")
-        if self.force is not None and hasattr(self, "amplitude"):
-            if self.amplitude is None:
-                raise ValueError("amplitude: is missing: expected a force [N]")
-            if not self.amplitude < self.force:
-                raise ValueError(f"amplitude: expected less than force, got {self.amplitude}")
 
     @property
     def by(self) -> Quantity:
@@ -335,10 +330,6 @@ class Level(Phase):
         value = self.depth if self.force is None else self.force
         assert value is not None
         return value
-
-    def size(self, amplitude: float | None) -> float:
-        """Return a stated amplitude, or the usual one about a depth."""
-        return AMPLITUDE if amplitude is None else amplitude
 
     @property
     def swing(self) -> float:
@@ -507,13 +498,53 @@ class Staircase(Phase):
 
 
 @dataclass(frozen=True)
-class Cyclic(Level):
+class Periodic(Level):
+    """A phase that moves periodically about a depth or a force."""
+
+    amplitude: float | None = None
+    """Largest deviation [m, or N about a force], > 0. Default about a depth: 0.5 mm."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.force is None:
+            return
+        if self.amplitude is None:
+            raise ValueError("amplitude: is missing: expected a force [N]")
+        if not self.amplitude < self.force:
+            raise ValueError(f"amplitude: expected less than force, got {self.amplitude}")
+
+    @property
+    def swing(self) -> float:
+        """Largest deviation from the value."""
+        return AMPLITUDE if self.amplitude is None else self.amplitude
+
+
+@dataclass(frozen=True)
+class Band(Periodic):
+    """A phase whose motion has the frequencies of a band."""
+
+    low: float = 0.1
+    """Lowest frequency [Hz], > 0."""
+    high: float = 10.0
+    """Highest frequency [Hz], > low."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not self.low < self.high:
+            raise ValueError(f"expected low < high, got {self.low} and {self.high}")
+
+    @property
+    def highest(self) -> float:
+        """Highest frequency [Hz]."""
+        return self.high
+
+
+@dataclass(frozen=True)
+class Cyclic(Periodic):
     """Sines of several frequencies about a depth or a force, one after the other."""
 
     frequencies: tuple[float, ...] = (1.0,)
     """Frequencies [Hz], > 0."""
-    amplitude: float | None = None
-    """Amplitude [m, or N about a force], > 0. Default about a depth: 0.5 mm."""
     cycles: int = 8
     """Number of whole cycles of each frequency, > 0. One cycle more begins the motion, and one ends
     it."""
@@ -533,34 +564,18 @@ class Cyclic(Level):
             yield Oscillate(number, self.by, self.value, self.swing, tone, time, ONSET / frequency)
 
     @property
-    def swing(self) -> float:
-        """Amplitude about the value."""
-        return self.size(self.amplitude)
-
-    @property
     def highest(self) -> float:
         """Highest frequency [Hz]."""
         return max(self.frequencies)
 
 
 @dataclass(frozen=True)
-class Sweep(Level):
+class Sweep(Band):
     """A sine about a depth or a force, whose frequency increases and decreases again."""
 
-    low: float = 0.1
-    """Lowest frequency [Hz], > 0."""
-    high: float = 10.0
-    """Highest frequency [Hz], > low."""
-    amplitude: float | None = None
-    """Amplitude [m, or N about a force], > 0. Default about a depth: 0.5 mm."""
     duration: float = 30.0
     """Duration [s], > 0."""
     kind: Literal["sweep"] = "sweep"
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if not self.low < self.high:
-            raise ValueError(f"expected low < high, got {self.low} and {self.high}")
 
     def steps(self, number: int) -> Iterator[Step]:
         """Yield the movement to the mean, and the sweep."""
@@ -569,37 +584,20 @@ class Sweep(Level):
             number, self.by, self.value, self.swing, self.low, self.high, self.duration
         )
 
-    @property
-    def swing(self) -> float:
-        """Amplitude about the value."""
-        return self.size(self.amplitude)
-
-    @property
-    def highest(self) -> float:
-        """Highest frequency [Hz]."""
-        return self.high
-
 
 @dataclass(frozen=True)
-class Random(Level):
+class Random(Band):
     """A random motion about a depth or a force, of a band of frequencies."""
 
     low: float = 0.2
     """Lowest frequency [Hz], > 0."""
     high: float = 5.0
     """Highest frequency [Hz], > low."""
-    amplitude: float | None = None
-    """Largest deviation [m, or N about a force], > 0. Default about a depth: 0.5 mm."""
     duration: float = 20.0
     """Duration [s], > 0."""
     seed: int = 0
     """Seed of the random phases."""
     kind: Literal["random"] = "random"
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if not self.low < self.high:
-            raise ValueError(f"expected low < high, got {self.low} and {self.high}")
 
     def steps(self, number: int) -> Iterator[Step]:
         """Yield the movement to the mean, and the random motion."""
@@ -619,16 +617,6 @@ class Random(Level):
         tones = tuple((frequency, 1.0 / peak, phase) for frequency, phase in sines)
         rise = min(1.0, 0.25 * self.duration)
         yield Oscillate(number, self.by, self.value, self.swing, tones, self.duration, rise)
-
-    @property
-    def swing(self) -> float:
-        """Largest deviation from the value."""
-        return self.size(self.amplitude)
-
-    @property
-    def highest(self) -> float:
-        """Highest frequency [Hz]."""
-        return self.high
 
 
 @dataclass(frozen=True)

@@ -57,6 +57,10 @@ class Precision(Sink):
         }
         self._wanted, self._sinks = wanted, sinks
         self._pushed = 0
+        self._open(layout, rate)
+
+    def _open(self, layout: Layout, rate: float) -> None:
+        """Create what the evaluation needs."""
 
     def begin(self) -> None:
         """Prepare the evaluation."""
@@ -110,16 +114,7 @@ class PrecisionInLoop(Precision):
 class PrecisionProcess(Precision):
     """Lets another process evaluate the record of a trial in real time."""
 
-    def __init__(
-        self,
-        wanted: WantedPrecision,
-        layout: Layout,
-        metadata: dict[str, dict[str, str]],
-        duration: float,
-        rate: float,
-        sinks: Sequence[Sink],
-    ) -> None:
-        super().__init__(wanted, layout, metadata, duration, rate, sinks)
+    def _open(self, layout: Layout, rate: float) -> None:
         if os.name != "posix":
             raise InputError("until: expected Linux or macOS, or clock virtual")
         size = round(STORED * rate), layout.size
@@ -134,7 +129,6 @@ class PrecisionProcess(Precision):
         except InputError:
             self._file.remove()
             raise
-        self._t = 0.0
 
     def begin(self) -> None:
         """Wait until the process is ready, so that its start does not delay the loop."""

@@ -94,25 +94,39 @@ def test_a_protocol_follows_the_rules_of_conditions():
     check_trial(Protocol(ProtocolSettings((Approach(), Hold(1.0)))))
 
 
-def force_loop(stiffer, lag):
-    """Hold a force on a spring that becomes stiffer, behind a delay; return protocol and forces."""
-    protocol = Protocol(ProtocolSettings((Preload(force=5.0, ramp=0.5, hold=20.0),)))
+def slave(phases, force_of, seconds, start=0.0, depth=10e-3, noise=0.02):
+    """Perform phases with an ideal drive on a body; return the protocol, times and positions."""
+    protocol = Protocol(ProtocolSettings(tuple(phases)))
     parameters = AdmittanceParameters()
-    protocol.prepare(IntendedMotion(Sine(1.0), 10e-3, 0.0, 30.0, parameters, 1.0))
-    mass, x, noise = Admittance(parameters), 1e-3, random.Random(7)
-    delayed = deque([2.0] * round(lag / DT), maxlen=max(round(lag / DT), 1))
-    forces = []
-    for n in range(12000):
-        k = 2000.0 * (stiffer if n > 3000 else 1.0)
-        force = max(2000.0 * 1e-3 + k * (x - 1e-3), 0.0)
-        measured = delayed[0] + noise.gauss(0.0, 0.01)
-        delayed.append(force)
+    protocol.prepare(IntendedMotion(Sine(1.0), depth, 0.0, 60.0, parameters, 1.0))
+    mass, x, generator = Admittance(parameters), start, random.Random(11)
+    positions = []
+    for n in range(round(seconds / DT)):
+        measured = force_of(x, n * DT) + generator.gauss(0.0, noise)
         measurement = Measurement(n * DT, 0.0, x, x, measured, 0.0, AGES)
         x += mass.step(protocol.drive_force(n * DT, measurement), DT) * DT
-        forces.append(force)
+        positions.append(x)
         if protocol.finished:
             break
-    return protocol, np.array(forces)
+    return protocol, np.array(positions)
+
+
+def force_loop(stiffer, lag):
+    """Hold a force on a spring that becomes stiffer, behind a delay; return protocol and forces."""
+    delayed = deque([2.0] * round(lag / DT), maxlen=max(round(lag / DT), 1))
+
+    def force_at(x, t):
+        k = 2000.0 * (stiffer if t > 3.0 else 1.0)
+        return max(2000.0 * 1e-3 + k * (x - 1e-3), 0.0)
+
+    def measured(x, t):
+        oldest = delayed[0]
+        delayed.append(force_at(x, t))
+        return oldest
+
+    phases = [Preload(force=5.0, ramp=0.5, hold=20.0)]
+    protocol, x = slave(phases, measured, 12.0, start=1e-3, noise=0.01)
+    return protocol, np.array([force_at(one, 12.0) for one in x.tolist()])
 
 
 def test_the_force_loop_is_stable_with_its_longest_lag_and_twice_the_stiffness():
@@ -144,23 +158,6 @@ def test_the_virtual_mass_has_the_velocity_that_is_asked_for():
     for n in range(500):
         wanted = 0.02 * math.sin(0.02 * n)
         assert mass.step(inverse.force(wanted, DT), DT) == pytest.approx(wanted, abs=1e-5)
-
-
-def slave(phases, force_of, seconds, start=0.0, depth=10e-3):
-    """Perform phases with an ideal drive on a body; return the protocol, times and positions."""
-    protocol = Protocol(ProtocolSettings(tuple(phases)))
-    parameters = AdmittanceParameters()
-    protocol.prepare(IntendedMotion(Sine(1.0), depth, 0.0, 60.0, parameters, 1.0))
-    mass, x, noise = Admittance(parameters), start, random.Random(11)
-    positions = []
-    for n in range(round(seconds / DT)):
-        measured = force_of(x, n * DT) + noise.gauss(0.0, 0.02)
-        measurement = Measurement(n * DT, 0.0, x, x, measured, 0.0, AGES)
-        x += mass.step(protocol.drive_force(n * DT, measurement), DT) * DT
-        positions.append(x)
-        if protocol.finished:
-            break
-    return protocol, np.array(positions)
 
 
 @pytest.mark.parametrize("k", [500.0, 2000.0, 10000.0])
