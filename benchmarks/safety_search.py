@@ -47,7 +47,7 @@ from teleop.control.bilateral import BilateralLink
 from teleop.control.channel import ChannelSettings
 from teleop.control.clock import Tick
 from teleop.control.controller import Controller
-from teleop.control.estimates import Estimation
+from teleop.streams.estimation import Estimation
 from teleop.control.feedback.settings import FeedbackSettings
 from teleop.live.cells import ARM, END, LONGEST_ROUND_TRIP, PROCESS, STOP
 from teleop.safety import Fault, Mode, stops_immediately

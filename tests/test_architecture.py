@@ -82,6 +82,7 @@ FLAT = {
     "__main__",
     "cli",
     "errors",
+    "failures",
     "files",
     "interruption",
     "json_documents",

@@ -26,7 +26,7 @@ from teleop.safety.channels import DetectedFault
 class LinkValues(NamedTuple):
     """Values that the link between master and slave records at one tick.
 
-    `teleop.recording.columns.FEEDBACK_COLUMNS` states the meaning and the unit of each value.
+    `teleop.streams.columns.FEEDBACK_COLUMNS` states the meaning and the unit of each value.
     """
 
     displayed_force: float

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 from drivers import Rig
-from estimation import Bank, Estimator
+from estimation import Estimator
 from sim_backend import (
     DEPTH,
     ForcePalpation,
@@ -22,14 +22,13 @@ from teleop.control.channel import ChannelSettings
 from teleop.control.clock import Clock, RealClock, VirtualClock
 from teleop.control.conditions import Condition
 from teleop.control.controller import Controller
-from teleop.control.estimates import Estimation
 from teleop.control.feedback.law import LawInputs
 from teleop.control.link import DirectLink, Link, LinkSettings
 from teleop.errors import InputError
-from teleop.recording.columns import FEEDBACK_COLUMNS, Layout
 from teleop.settings.custom_class import called, create
 from teleop.settings.feedback_checks import expected_stiffness
 from teleop.settings.trial_settings import TrialSettings
+from teleop.streams.columns import FEEDBACK_COLUMNS, Layout
 
 LINK_GAIN = 20.0
 """Gain from the position error of the slave to the velocity of the slave [1/s].
@@ -183,10 +182,7 @@ def make_layout(
     bank: Mapping[str, Estimator],
     pointer: PointerOperator | None = None,
 ) -> Layout:
-    """Return the layout of a message: which values it contains, and in which order.
-
-    A message contains the recorded values of one tick.
-    """
+    """Return the columns of a trial, which the loop and the estimation write."""
     link = FEEDBACK_COLUMNS if settings.has_link else ()
     return Layout(bank, link, pointer, settings.hand_observer is not None)
 
@@ -194,21 +190,17 @@ def make_layout(
 def make_controller(
     settings: TrialSettings,
     rig: Rig,
-    bank: Bank,
     clock: Clock,
     condition: Condition | None = None,
-    estimation: Estimation | None = None,
 ) -> Controller:
     """Return a new controller, with the zero offsets and the safety limits of the settings.
 
-    `condition`: None to create it from the settings. `estimation`: None to update them within each
-    tick.
+    `condition`: None to create it from the settings.
     """
     return Controller(
         rig,
         condition or make_condition(settings),
         make_link(settings),
-        estimation or Estimation(settings.make_conditioner(), bank),
         1.0 / settings.loop_rate,
         settings.limits,
         settings.tare,

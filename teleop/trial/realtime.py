@@ -28,14 +28,6 @@ The priority is above that of the interrupt threads (50) and below that of the k
 """
 SHARED_PRIORITIES = range(60, 50, -1)
 """Priorities of SCHED_FIFO for control loops on shared processors, one for each process."""
-RECORDER_PRIORITY = 40
-"""Priority of SCHED_FIFO for the recorder process, which reads the pipe of the loop.
-
-The priority is above that of all normal processes. The kernel locks the pipe while the recorder
-reads it. If the recorder had to wait for a processor during this time, it would delay the loop. The
-priority is below that of all control loops, because compressing data takes the recorder longer than
-a period of a loop.
-"""
 LIVE_PRIORITY = 20
 """Priority of SCHED_FIFO for the live process, which passes STOP and heartbeats to the loop.
 
@@ -170,19 +162,15 @@ class RealTime:
         self._steps = tuple(steps) if mode != "off" else ()
         self._undo = contextlib.ExitStack()
 
-    def start(self, recorder: int | None = None, live: int | None = None) -> None:
+    def start(self, live: int | None = None) -> None:
         """Set the real-time priority of this process, directly before the control loop starts."""
         if FIFO in self._steps:
             own = self.report.get(PROCESSOR) == DONE
             self._take(FIFO, set_fifo_priority if own else set_shared_fifo_priority)
-        if self.report.get(FIFO) == DONE:
-            if recorder:
-                with contextlib.suppress(OSError):
-                    set_priority(recorder, RECORDER_PRIORITY)
-            if live:
-                with contextlib.suppress(OSError):
-                    set_priority(live, LIVE_PRIORITY)
-                    self._undo.callback(set_normal_priority, live)
+        if live and self.report.get(FIFO) == DONE:
+            with contextlib.suppress(OSError):
+                set_priority(live, LIVE_PRIORITY)
+                self._undo.callback(set_normal_priority, live)
         missing = [f"{name} ({why})" for name, why in self.report.items() if why != DONE]
         if self._mode == "require" and missing:
             raise InputError(

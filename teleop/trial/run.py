@@ -12,7 +12,6 @@ from sim_backend import SimulatedRig
 from teleop.control.conditions import Condition
 from teleop.errors import InputError
 from teleop.names import RealtimeName
-from teleop.recording.sinks import Sink
 from teleop.settings.custom_class import described, with_averaged
 from teleop.settings.ranges import MOST_TICKS_IN_MEMORY
 from teleop.settings.trial_settings import TrialSettings
@@ -33,6 +32,7 @@ from teleop.trial.realtime import realtime
 from teleop.trial.rehearsal import check_rate, check_wire
 from teleop.trial.result import Trial
 from teleop.trial.stop_switch import StopSwitch
+from teleop.trial.viewer import Viewer
 
 
 def run_trial(
@@ -46,7 +46,7 @@ def run_trial(
     rig_maker: RigMaker | None = None,
     live: LiveLink | None = None,
     arm: bool = False,
-    further: Sequence[Sink] = (),
+    viewers: Sequence[Viewer] = (),
 ) -> Trial:
     """Run a trial until its end, a fault, or Ctrl-C. Then disable the drives; return the result.
 
@@ -77,8 +77,8 @@ def run_trial(
         Whether a person has permitted the drives to move, for example by the answer to
         `teleop.trial.arming.is_armed`. Needed on every rig except the simulated rig, unless the
         drives are armed in the live page.
-    further
-        Objects that receive the ticks and events besides the recording.
+    viewers
+        Other viewers of the running trial, in other processes.
 
     Raises
     ------
@@ -108,7 +108,7 @@ def run_trial(
                 rig_maker,
                 live,
                 arm,
-                further,
+                viewers,
             )
     check_stated(settings)
     if condition:
@@ -128,7 +128,8 @@ def run_trial(
     check_armed(settings, rig, arm, live)
     bank = settings.estimation_preset.bank()
     layout = make_layout(settings, bank, pointer)
-    outputs = Outputs(settings, layout, bank, switch, record, overwrite, show, live, further)
+    shown_by = (*([live] if live else []), *viewers)
+    outputs = Outputs(settings, layout, bank, switch, record, overwrite, show, shown_by)
     loop = None
     try:
         cost = check_rate(settings) if settings.clock == "real" else 0.0
@@ -138,11 +139,14 @@ def run_trial(
             with switch.reading_keys(), realtime(real) as applied, rig:
                 if settings.rig:
                     check_wire(rig, clock, cost)
-                controller = make_controller(settings, rig, bank, clock, condition, outputs.later)
-                loop = Loop(controller, clock, layout, outputs.sinks, switch, settings.duration)
+                controller = make_controller(settings, rig, clock, condition)
+                stream, readers = outputs.stream, outputs.readers
+                loop = Loop(controller, clock, stream, readers, switch, settings.duration)
                 if live:
-                    switch.page = live.begin(settings, layout)
-                applied.start(outputs.recorder_pid, live.pid if live else None)
+                    switch.page = live.begin(settings, stream)
+                for viewer in viewers:
+                    viewer.begin(settings, stream)
+                applied.start(live.pid if live else None)
                 loop.run()
                 # no signal may interrupt the closing of rig and files
                 switch.clean_up()
@@ -157,10 +161,12 @@ def run_trial(
                 raise
     finally:
         switch.clean_up()
-        outputs.close(loop.ticks if loop else 0)
+        outputs.close()
+        for viewer in shown_by:
+            viewer.end_trial()
     ticks = outputs.ticks()
     outputs.write_black_box()
-    error = loop.error or (outputs.later and outputs.later.error)
+    error = loop.error
     if error and not isinstance(error, RigError):
         outputs.add_notes(error)
         raise error
@@ -176,6 +182,9 @@ def run_trial(
         outputs.black_box,
         outputs.black_box_problem,
         "" if switch.interrupted or outputs.fault else loop.controller.ending,
+        readers.failure,
+        readers.traceback,
+        outputs.stream.missed,
     )
 
 

@@ -18,10 +18,10 @@ from teleop.control.clock import Tick, VirtualClock
 from teleop.control.conditions import Teleoperation
 from teleop.control.controller import Controller
 from teleop.control.coupling import Coupling
-from teleop.control.estimates import Estimation
+from teleop.streams.estimation import Estimation
 from teleop.control.link import DirectLink
 from teleop.control.tare import NO_TARE, Tare
-from teleop.recording.columns import Layout
+from teleop.streams.columns import Layout
 from teleop.recording.recording import from_messages
 from teleop.safety import Fault, Limits, Mode, Request
 from teleop.safety.channels import DetectedFault

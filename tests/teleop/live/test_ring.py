@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 
 from teleop.live.cells import ARM, SIZE, STOP, CellReader, CellWriter
 from teleop.live.history import CLEAR, HEAD, History, decimated
-from teleop.live.ring import RingReader, RingWriter, ring_size
-from teleop.live.shared_file import SharedFile
+from teleop.streams.ring import RingReader, RingWriter, ring_size
+from teleop.streams.shared_file import SharedFile
 
 
 def make(slots, size):

@@ -9,9 +9,9 @@ import pytest
 from teleop.json_documents import dumps
 from teleop.live.cells import SIZE, CellWriter
 from teleop.live.requests import BadRequest
-from teleop.live.ring import RingReader, RingWriter, ring_size
+from teleop.streams.ring import RingReader, RingWriter, ring_size
 from teleop.live.trial_feed import TrialFeed
-from teleop.recording.columns import Layout
+from teleop.streams.columns import Layout
 from teleop.recording.sinks import event_record
 from teleop.safety import Event, Fault
 from teleop.safety.events import ACTIVE, FAULT, READY

@@ -18,7 +18,7 @@ import scipy
 
 from estimation import paper_preset
 from teleop.errors import InputError
-from teleop.recording.columns import Layout
+from teleop.streams.columns import Layout
 from teleop.recording.mcap_reader import read_intact
 from teleop.recording.process import FLUSH
 from teleop.recording.recorder import RecorderProcess

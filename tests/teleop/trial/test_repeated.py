@@ -13,7 +13,7 @@ import pytest
 from teleop.control.clock import Tick, VirtualClock
 from teleop.errors import InputError
 from teleop.live.cells import ARM, END, PROCESS, SIZE, STOP, CellReader, CellWriter
-from teleop.live.ring import RingWriter, ring_size
+from teleop.streams.ring import RingWriter, ring_size
 from teleop.recording.recording import load
 from teleop.recording.sinks import Outcome, Sink
 from teleop.settings.trial_settings import TrialSettings

@@ -6,7 +6,7 @@ import pytest
 
 from sim_backend import Cube, Relaxing, Setup
 from teleop.output.report_page import report_page
-from teleop.recording.columns import Layout
+from teleop.streams.columns import Layout
 from teleop.recording.recording import from_messages
 from teleop.safety.soft_limits import VELOCITY
 from teleop.safety.tightened_limits import TightenedLimits
