@@ -151,7 +151,8 @@ class StreamEstimation:
         self._ticks, self._estimates, self._estimation = ticks, estimates, estimation
         names = ("paired_position", "paired_force", "paired_dt")
         self._pair = [1 + schema.loop.index(name) for name in names]
-        self._values = len(schema.estimation)
+        # without a pair, an estimate is not known, and nothing is held
+        self._unknown = [0.0 if name.endswith("_held") else np.nan for name in schema.estimation]
 
     def advance(self) -> bool:
         """Process the ticks that are new since the last call; return whether there were any."""
@@ -161,7 +162,7 @@ class StreamEstimation:
             return False
         first, ticks = self._ticks.read(position + 1, newest + 1)
         self.missed += first - position - 1
-        rows = np.full((newest - position, self._values), np.nan)
+        rows = np.tile(self._unknown, (newest - position, 1))
         part, force, dt = ticks[:, self._pair].T
         paired = np.flatnonzero(~np.isnan(dt))
         if len(paired) and not self.failure[0]:
