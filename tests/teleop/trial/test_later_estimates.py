@@ -4,15 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from teleop.recording.sinks import Memory
+from teleop.trial.later_estimates import LaterEstimates
 
 from estimation import MODELS, Bank
 from estimation.registry import BUILT_IN
 from teleop.recording.recording import from_messages, load
-from teleop.recording.sinks import Memory
 from teleop.settings.trial_settings import TrialSettings
 from teleop.trial import later_estimates
 from teleop.trial.assembly import make_clock, make_controller, make_layout, make_simulated_rig
-from teleop.trial.later_estimates import LaterEstimates
 from teleop.trial.loop import Loop
 from teleop.trial.run import run_trial
 from teleop.trial.stop_switch import StopSwitch
