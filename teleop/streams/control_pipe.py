@@ -8,6 +8,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, Protocol
 
 from teleop.errors import InputError
@@ -122,3 +123,5 @@ def run_reader(
         reader.advance()
         time.sleep(period)
     pipe.send(reader.finish())
+    for file in session["stream"]["files"].values():  # a killed control process has left it
+        Path(file).unlink(missing_ok=True)
