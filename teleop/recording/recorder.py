@@ -146,6 +146,7 @@ class Recorder:
         `ticks` and `dropped` are the numbers of recorded and of missed ticks. A file without a tick
         is removed.
         """
+        self._stream.patience = 0.0  # no further estimates follow
         self.advance()
         dropped = self._stream.missed
         status = {"problem": "", "at_path": True, "ticks": self._ticks, "dropped": dropped}
