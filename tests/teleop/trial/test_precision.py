@@ -126,9 +126,9 @@ def test_the_process_for_real_time_gives_the_findings_of_the_loop(trial, process
     due = [t for t, _ in expected]
     for row in rows:
         stream.fill(row)
-        if row[0] in due or stream.newest % 400 == 0:
-            if finding := precision.evaluate():
-                found.append(finding.text)
+        wanted = row[0] in due or stream.newest % 400 == 0
+        if wanted and (finding := precision.evaluate()):
+            found.append(finding.text)
     assert reader.missed == 0
     assert [f"{SETTINGS.until.text}: {text}" for text in found] == [text for _, text in expected]
 
