@@ -218,7 +218,11 @@ class ReadersInProcesses(ReadersOfTrial):
         process = self._processes["estimation"]
         if not self.failure and process.has_message:
             answer = process.wait_for_request(0.0)
-            failed = (answer["failure"], answer["traceback"]) if answer else ("it was killed",)
+            failed = (
+                (answer["failure"], answer["traceback"])
+                if answer
+                else ("the estimation was killed",)
+            )
             self._fail(t, *failed)
         is_late = self._stream.newest - self._stream.estimated > LATE * self._rate
         if is_late and not (self._is_late or self.failure):
