@@ -217,13 +217,8 @@ class ReadersInProcesses(ReadersOfTrial):
     def _check_estimation(self, t: float) -> None:
         process = self._processes["estimation"]
         if not self.failure and process.has_message:
-            answer = process.wait_for_request(0.0)
-            failed = (
-                (answer["failure"], answer["traceback"])
-                if answer
-                else ("the estimation was killed",)
-            )
-            self._fail(t, *failed)
+            answer = process.wait_for_request(0.0) or {"failure": "the estimation was killed"}
+            self._fail(t, answer["failure"], answer.get("traceback", ""))
         is_late = self._stream.newest - self._stream.estimated > LATE * self._rate
         if is_late and not (self._is_late or self.failure):
             text = f"the estimates are more than {LATE:g} s late"
