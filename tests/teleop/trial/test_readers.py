@@ -237,7 +237,7 @@ def test_a_command_whose_recording_fails_ends_with_2_and_names_the_cause(
     if problem.startswith("the recorder"):
         at(0.3, kill("recorder"))
     else:
-        path = Path("/dev/full")
+        path.symlink_to("/dev/full")
     command = ["run", "--condition", "autonomous", "--rate", "100", "--duration", "20"]
     for _ in range(1 + REPEATS):
         code = main([*command, "--estimators", "rls", "--record", str(path), "--overwrite"])
