@@ -105,7 +105,8 @@ def run_reader(
     """Run the reader of a process until the control process closes the pipe, or has ended.
 
     `make` creates the reader from the description of the session and the function that sends a
-    message to the control process. `period` is the time between two reads of the stream [s].
+    message to the control process. `period` is the time between two reads of the stream [s]; it is
+    longer after a long read, so that a tenth of the processor remains for other programs.
     """
     pipe = ControlPipe()
     try:
@@ -118,7 +119,8 @@ def run_reader(
         return
     pipe.send({"problem": ""})
     while not pipe.ended:
+        start = time.monotonic()
         pipe.receive_into(reader)
         reader.advance()
-        time.sleep(period)
+        time.sleep(max(period, (time.monotonic() - start) / 9.0))
     pipe.send(reader.finish())

@@ -2,12 +2,13 @@
 
     python -m teleop.streams.estimation_process
 
-It has no real-time priority. While it is delayed, the estimates are late, and the loop is not.
+While it is delayed, the estimates are late, and the loop is not.
 """
 
 from __future__ import annotations
 
 import base64
+import contextlib
 import pickle
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -51,6 +52,8 @@ class EstimationReader:
         )
         self._send = send
         self._has_failed = False
+        with contextlib.suppress(ImportError):
+            import numba  # noqa: F401  a long backlog is then processed by compiled code
 
     def receive(self, document: dict[str, Any]) -> None:
         """Ignore a message: there is none."""
@@ -60,8 +63,7 @@ class EstimationReader:
 
     def advance(self) -> None:
         """Compute the estimates of the new ticks; report the first exception of an estimator."""
-        while self._estimation.advance():
-            pass
+        self._estimation.advance()
         self._missed[READERS.index("estimation")] = self._estimation.missed
         text, trace = self._estimation.failure
         if text and not self._has_failed:
@@ -70,6 +72,8 @@ class EstimationReader:
 
     def finish(self) -> dict[str, Any]:
         """Compute the estimates of the last ticks."""
+        while self._estimation.advance():
+            pass
         self.advance()
         return {"problem": ""}
 

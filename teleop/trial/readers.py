@@ -59,10 +59,13 @@ class Readers:
         none.
     traceback
         Traceback of this exception.
+    estimation_pid
+        Process of the estimation; None if it is this process.
     """
 
     def __init__(self) -> None:
         self.end_reason = self.failure = self.traceback = ""
+        self.estimation_pid: int | None = None
 
     def begin(self, start: int) -> None:
         """Begin to read. `start` is the expected time of the first tick, Unix time [ns]."""
@@ -185,6 +188,7 @@ class ReadersInProcesses(ReadersOfTrial):
         except InputError:
             self._end()
             raise
+        self.estimation_pid = self._processes["estimation"].pid
 
     def begin(self, start: int) -> None:
         """Wait until all processes are ready, so that their start does not delay the loop."""
