@@ -7,7 +7,6 @@ loop.
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -90,7 +89,7 @@ class ReadersOfTrial(Readers):
         """State once that there are no estimates from now on."""
         if not self.failure:
             self.failure, self.traceback = text, trace
-            note = f"no estimates from {max(t, 0.0):.3f} s on: {text}"
+            note = f"no further estimates: {text}"
             self._stream.event(Event(t, ACTIVE, note, source=ESTIMATION))
 
     def _state(self, t: float, text: str, is_reached: bool) -> None:
@@ -124,6 +123,8 @@ class ReadersInLoop(ReadersOfTrial):
         self._path = recording["path"] if recording else None
         self._precision = PrecisionReader(precision, stream.reader()) if precision else None
         self._due = 0
+        self._time = 0.0
+        """Time of the latest tick [s]."""
 
     def begin(self, start: int) -> None:
         """Begin the recording."""
@@ -132,27 +133,30 @@ class ReadersInLoop(ReadersOfTrial):
 
     def after_tick(self, t: float) -> None:
         """Let the readers read if there is a block of new ticks, or an evaluation is due."""
+        self._time = t
         precision = self._precision
         if precision and precision.is_due(t) and (finding := precision.evaluate()):
             self._state(t, *finding)
         if self._stream.newest >= self._due:
             self._due = self._stream.newest + BLOCK
-            self._advance(t)
+            self._advance()
 
-    def _advance(self, t: float) -> None:
+    def _advance(self) -> None:
         while self._estimation.advance():
             pass
         if self._estimation.failure[0]:
-            self._fail(t, *self._estimation.failure)
+            self._fail(self._time, *self._estimation.failure)
         if self._recorder:
             self._recorder.advance()
 
     def close(self) -> Outcome:
         """Let the readers read the last ticks."""
-        self._advance(math.nan)
-        if not self._recorder:
-            return Outcome()
-        status = self._recorder.finish()
+        status: dict[str, Any] = {"problem": ""}
+        try:
+            self._advance()
+        finally:
+            if self._recorder:
+                status = self._recorder.finish()
         return outcome_of(self._path, status)
 
 
