@@ -11,7 +11,6 @@ While this process is delayed, the estimates are late, and the loop is not.
 from __future__ import annotations
 
 import base64
-import contextlib
 import pickle
 import traceback
 from collections.abc import Mapping
@@ -21,6 +20,7 @@ import numpy as np
 
 from estimation import Bank, Conditioner, ExpectedIntervals, Misfit, Preset
 from estimation.arrays import Floats
+from estimation.compiled import load_compiler
 from estimation.estimate_columns import estimate_arrays, estimate_row
 from teleop.failures import failure
 from teleop.streams.reader import Reader, Send, run_reader
@@ -193,8 +193,7 @@ def session_of(preset: Preset, conditioner: Conditioner) -> dict[str, Any]:
 def in_process(session: Mapping[str, Any], stream: StreamReader, send: Send) -> StreamEstimation:
     """Return the estimation for a process of its own."""
     preset, conditioner = pickle.loads(base64.b85decode(session["parts"]))
-    with contextlib.suppress(ImportError):
-        import numba  # noqa: F401  a long backlog is then processed by compiled code
+    load_compiler()  # a long backlog is then processed by compiled code
     return StreamEstimation(Estimation(conditioner, preset.bank()), stream, send)
 
 
