@@ -27,6 +27,8 @@ from teleop.streams.stream import Batch, StreamReader
 
 NAP = 0.02
 """Time between two reads of the stream in real time [s]."""
+LAST_PATIENCE = 0.3
+"""Longest time for which the last ticks wait for their estimates, after the end of a trial [s]."""
 CHECK = 1.0
 """Time between two checks whether the file is still at its path [s]."""
 FLUSH = 0.05
@@ -150,6 +152,7 @@ class Recorder(Reader):
         `ticks` and `dropped` are the numbers of recorded and of missed ticks. A file without a tick
         is removed.
         """
+        self.stream.patience = LAST_PATIENCE
         self.advance()
         while self.stream.is_behind:  # some estimates are not computed yet
             time.sleep(1e-3)

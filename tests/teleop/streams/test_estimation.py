@@ -166,6 +166,10 @@ def test_an_estimator_that_fails_is_a_named_event_and_the_trial_goes_on_to_its_e
     k = recording["rls_k"][paired]
     assert np.isnan(k[500:]).all()
     assert np.isfinite(k[:200]).all() == (block < 10_000)
+    assert trial.summary()["actual_duration_s"] > 1.19
+    assert trial.summary()["pairs"] == paired.sum()
+    result = run_trial(SETTINGS).result.summary["result"]
+    assert trial.result.summary["result"] == result
     assert recording["commanded_slave_velocity"].any()
 
 
