@@ -12,7 +12,6 @@ import os
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from teleop.safety.events import is_note
 from teleop.streams.reader import Reader, Send, run_reader
 from teleop.streams.stream import StreamReader, columns_of
 
@@ -51,7 +50,7 @@ class Precision(Reader):
         t = 0.0
         while batch := self.stream.read():
             for _, event in batch.events:
-                if self._watch is None and is_armed(event):
+                if self._watch is None and event["mode"] == "active":
                     from teleop.trial.precision_watch import watch_of  # imports scipy: slow
 
                     self._watch = watch_of(self._session, self.stream.schema, event)
@@ -61,11 +60,6 @@ class Precision(Reader):
                 t = float(columns["time"][-1])
         if self._watch and t and self._watch.is_due(t):
             self.send(self._watch.evaluate(t)._asdict())
-
-
-def is_armed(event: Mapping[str, Any]) -> bool:
-    """Return whether the drives were armed at an event."""
-    return event["mode"] == "active" and not is_note(event["fault"], event["source"])
 
 
 if __name__ == "__main__":

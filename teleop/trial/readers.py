@@ -13,10 +13,10 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from estimation import Bank
+from teleop.control.tick_record import Record
 from teleop.errors import InputError
 from teleop.recording.recorder import Recorder
-from teleop.safety import Event
-from teleop.safety.events import ACTIVE
+from teleop.safety import Event, Mode
 from teleop.settings.trial_settings import TrialSettings
 from teleop.streams.child_process import ChildProcess
 from teleop.streams.estimation import BLOCK, Estimation, StreamEstimation, session_of
@@ -76,8 +76,8 @@ class Readers:
     def begin(self, start: int) -> None:
         """Begin to read. `start` is the expected time of the first tick, Unix time [ns]."""
 
-    def after_tick(self, t: float) -> None:
-        """Let the readers read, or check that they do. The latest tick is at t [s]."""
+    def after_tick(self, record: Record) -> None:
+        """Let the readers read, or check that they do."""
 
     def close(self) -> Outcome:
         """Let all readers read the rest of the stream, and end them."""
@@ -92,8 +92,8 @@ class ReadersOfTrial(Readers):
         self._stream = stream
         self._until = settings.until
         self._path = path
-        self._time = 0.0
-        """Time of the latest tick [s]."""
+        self._time, self._mode = 0.0, Mode.IDLE
+        """Time [s] and mode of the latest tick that was looked at."""
 
     def _receive(self, name: str, message: Mapping[str, Any] | None) -> None:
         """Process a message of a reader; None if its process has ended."""
@@ -111,7 +111,7 @@ class ReadersOfTrial(Readers):
             self._note(ESTIMATION, f"no further estimates: {self.failure}")
 
     def _note(self, source: str, text: str) -> None:
-        self._stream.event(Event(self._time, ACTIVE, text, source=source))
+        self._stream.event(Event(self._time, self._mode, text, source=source))
 
 
 class ReadersInLoop(ReadersOfTrial):
@@ -141,10 +141,10 @@ class ReadersInLoop(ReadersOfTrial):
         if self._recorder:
             self._recorder.receive({"start": start})
 
-    def after_tick(self, t: float) -> None:
+    def after_tick(self, record: Record) -> None:
         """Let the readers read if there is a block of new ticks, or an evaluation is due."""
-        self._time = t
-        if self._precision and self._precision.is_due(t):
+        self._time, self._mode = record.t, record.mode
+        if self._precision and self._precision.is_due(record.t):
             self._precision.advance()
         if self._stream.newest >= self._due:
             self._due = self._stream.newest + BLOCK
@@ -203,12 +203,12 @@ class ReadersInProcesses(ReadersOfTrial):
         if recorder := self._processes.get("recorder"):
             recorder.tell({"start": start})
 
-    def after_tick(self, t: float) -> None:
+    def after_tick(self, record: Record) -> None:
         """Look for messages of the processes, and whether they run, once per `CHECK` ticks."""
         self._ticks += 1
         if self._ticks % CHECK:
             return
-        self._time = t
+        self._time, self._mode = record.t, record.mode
         for name, process in self._processes.items():
             if process.has_message:
                 self._receive(name, process.wait_for_request(0.0))
