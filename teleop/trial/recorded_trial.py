@@ -18,7 +18,6 @@ from teleop.evaluation.settings import WHOLE, AveragedPart, EstimateSettings
 from teleop.evaluation.teleoperation.tracking import Tracking, tracking
 from teleop.recording.recording import Recording, load
 from teleop.recording.recording_file import RecordingFile
-from teleop.safety.events import is_note
 from teleop.settings.documents import from_document
 from teleop.settings.trial_settings import TrialSettings
 
@@ -36,8 +35,8 @@ def averaged_part(recording: Recording | RecordingFile, settings: TrialSettings)
     part = AveragedPart(*settings.known_condition.averaged_times(settings.intended_motion))
     if settings.target and "target" not in recording.units:
         part = WHOLE  # recorded by a version whose target had no count-in
-    events = (e for e in recording.events if not is_note(e["fault"], e.get("source", "")))
-    return part.after(next((e["time"] for e in events if e["mode"] == "active"), 0.0))
+    armed = next((event["time"] for event in recording.events if event["mode"] == "active"), 0.0)
+    return part.after(armed)
 
 
 def recorded_part(recording: Recording) -> AveragedPart:

@@ -19,7 +19,7 @@ from teleop.recording.gaps import gap_rows, missing_text
 from teleop.recording.recording import Recording
 from teleop.recording.recording_file import RecordingFile
 from teleop.safety import Mode
-from teleop.safety.events import EXCITATION, Fault, is_note, time_text
+from teleop.safety.events import EXCITATION, Fault, time_text
 from teleop.settings.trial_settings import TrialSettings
 from teleop.streams.columns import OBSERVED
 from teleop.trial.metadata import estimated_channels
@@ -183,8 +183,7 @@ class Trial(Presented):
     @property
     def armed(self) -> dict[str, Any] | None:
         """Event at which the drives were armed; None if they were not armed."""
-        events = (e for e in self.ticks.events if not is_note(e["fault"], e.get("source", "")))
-        return next((e for e in events if e["mode"] == "active"), None)
+        return next((e for e in self.ticks.events if e["mode"] == "active"), None)
 
     @property
     def incomplete(self) -> str:

@@ -40,9 +40,7 @@ class Recording:
     def __init__(self, path, ticks=10_000, overwrite=False):
         self.path, self.closed = path, False
         self.stream = FilledStream(LAYOUT, ticks, shared=True)
-        self.process = ChildProcess(
-            "teleop.recording.recorder_process", f"{path}: recording failed"
-        )
+        self.process = ChildProcess("teleop.recording.recorder", f"{path}: recording failed")
         session = {
             "path": str(path),
             "metadata": METADATA,
@@ -73,7 +71,7 @@ class Recording:
 
     def close(self, timeout=20.0):
         self.closed = True
-        status = self.process.finish(timeout) or {"problem": "the recorder was killed"}
+        *_, status = self.process.finish(timeout) or [{"problem": "the recorder was killed"}]
         self.stream.close()
         return outcome_of(str(self.path), status)
 

@@ -32,7 +32,7 @@ class Trial:
 
     def __init__(self, ticks=100, shared=False):
         self.stream = Stream(LAYOUT, ticks, shared)
-        self.estimates = self.stream.estimates_writer()
+        self.estimates = self.stream.reader().estimates_writer()
 
     def tick(self, count=1):
         for _ in range(count):

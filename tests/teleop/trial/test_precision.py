@@ -16,7 +16,7 @@ from teleop.safety import Event
 from teleop.safety.events import ACTIVE
 from teleop.settings.trial_settings import TrialSettings
 from teleop.streams.columns import Layout
-from teleop.trial.precision import PrecisionReader
+from teleop.trial.precision import Precision
 from teleop.trial.precision_watch import forecast, half_width
 from teleop.trial.run import run_trial
 
@@ -117,30 +117,33 @@ def process(trial):
     reader = stream.reader()
     rows = np.column_stack([recording[name] for name in stream.names])
     stream.event(Event(trial.armed["time"], ACTIVE, "armed"))
-    return PrecisionReader(session, reader), reader, stream, rows
+    sent = []
+    return Precision(session, reader, sent.append), sent, reader, stream, rows
 
 
 def test_the_process_for_real_time_gives_the_findings_of_the_loop(trial, process):
-    precision, reader, stream, rows = process
-    expected, found = notes(trial), []
+    precision, found, reader, stream, rows = process
+    expected = notes(trial)
     due = [t for t, _ in expected]
     for row in rows:
         stream.fill(row)
         wanted = row[0] in due or stream.newest % 400 == 0
-        if wanted and (finding := precision.evaluate()):
-            found.append(finding.text)
+        if wanted:
+            precision.advance()
     assert reader.missed == 0
-    assert [f"{SETTINGS.until.text}: {text}" for text in found] == [text for _, text in expected]
+    assert [f"{SETTINGS.until.text}: {one['text']}" for one in found] == [
+        text for _, text in expected
+    ]
 
 
 def test_ticks_that_the_process_missed_are_a_gap_and_no_jump_of_the_motion(process):
-    precision, reader, stream, rows = process
+    precision, _, reader, stream, rows = process
     for row in rows[:1200]:
         stream.fill(row)
         if stream.newest % 400 == 0:
-            precision.evaluate()
+            precision.advance()
     stream.fill(*rows[1200:2200])
-    precision.evaluate()
+    precision.advance()
     signals = precision._watch._signals()
     (gap,) = signals.gaps
     lost = reader.missed

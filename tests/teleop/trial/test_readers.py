@@ -45,11 +45,11 @@ def at(monkeypatch):
     def set_up(t, act):
         after_tick, acted = ReadersInProcesses.after_tick, {}
 
-        def hooked(readers, now):
-            if now >= t and readers._stream not in acted:
-                acted[readers._stream] = now
+        def hooked(readers, record):
+            if record.t >= t and readers._stream not in acted:
+                acted[readers._stream] = record.t
                 act(readers._processes)
-            after_tick(readers, now)
+            after_tick(readers, record)
 
         monkeypatch.setattr(ReadersInProcesses, "after_tick", hooked)
         return acted
@@ -229,15 +229,23 @@ def test_a_full_disk_ends_the_trial_with_a_ramp(at):
     assert len(trial.recording) == [*streams][-1].newest  # those in memory
 
 
-@pytest.mark.parametrize("problem", ["the recorder was killed", "no space left on device"])
+def limit_files(processes):
+    """Let the recorder write no more than 20 kB."""
+    resource = pytest.importorskip("resource")
+    if not hasattr(resource, "prlimit"):
+        pytest.skip("needs prlimit")
+    resource.prlimit(processes["recorder"].pid, resource.RLIMIT_FSIZE, (20_000, 20_000))
+
+
+@pytest.mark.parametrize(
+    ("act", "problem"),
+    [(kill("recorder"), "the recorder was killed"), (limit_files, "file too large")],
+)
 def test_a_command_whose_recording_fails_ends_with_2_and_names_the_cause(
-    at, tmp_path, capsys, problem
+    at, tmp_path, capsys, act, problem
 ):
     path = tmp_path / "a.mcap"
-    if problem.startswith("the recorder"):
-        at(0.3, kill("recorder"))
-    else:
-        path.symlink_to("/dev/full")
+    at(0.3, act)
     command = ["run", "--condition", "autonomous", "--rate", "100", "--duration", "20"]
     for _ in range(1 + REPEATS):
         code = main([*command, "--estimators", "rls", "--record", str(path), "--overwrite"])
