@@ -216,7 +216,7 @@ def slow(monkeypatch):
         lost = {number + 1 for number in numbers}
         monkeypatch.setattr(
             "teleop.trial.readers.Recorder",
-            lambda session, reader: Recorder(session, LateReader(reader, lost)),
+            lambda session, reader, send: Recorder(session, LateReader(reader, lost), send),
         )
 
     return during

@@ -88,7 +88,7 @@ def recorder():
     yield start
     for one in started:
         if not one.closed:
-            one.process.kill()
+            one.send(signal.SIGKILL)
             one.close()
 
 
@@ -165,7 +165,7 @@ def test_a_killed_recorder_is_reported_and_its_flushed_data_are_kept(tmp_path, r
     sink.push(*range(300), pause=1e-3)
     time.sleep(3 * FLUSH)
     assert not sink.process.has_message
-    sink.process.kill()
+    sink.send(signal.SIGKILL)
     sink.push(*range(300, 400))
     assert sink.close().problem == "the recorder was killed"
     assert len(load_intact(path)) == 300

@@ -35,7 +35,7 @@ class Line:
 def recorder():
     """A recorder without a file, whose line is a `Line`, and its stream."""
     stream = FilledStream(Layout({"rls": paper_preset().bank()["rls"]}), 100)
-    made = Recorder({**SESSION, "cue": None}, stream.reader())
+    made = Recorder({**SESSION, "cue": None}, stream.reader(), lambda message: None)
     made._progress = Line()
     return made, stream
 
