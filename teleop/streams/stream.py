@@ -195,7 +195,6 @@ class StreamReader:
         self.patience = PATIENCE
         self._event = 0
         """Number of the newest event that was read."""
-        self._given_up = -1
         """Number of the newest tick with estimates when the estimates were late."""
         self._cell = memoryview(memory["missed"]).cast("Q") if name else None
         self._index = READERS.index(name) if name else 0
@@ -265,16 +264,15 @@ class StreamReader:
     def _end(self) -> int:
         """Return the number of the newest tick that can be read now.
 
-        A tick is withheld until its estimates are computed, but not longer than `patience`. When
-        the estimates were late, nothing is withheld until further estimates were computed.
+        A tick is withheld until its estimates are computed, but not longer than `patience`. While
+        the estimates are later than that, nothing is withheld.
         """
         newest, done = self.ticks.newest, self.estimates.newest
-        if done >= newest or done == self._given_up:
+        if done >= newest:
             return newest
         _, waiting = self.ticks.read(done + 1, done + 2)
         if len(waiting) and monotonic() - waiting[0, 0] <= self.patience:
             return done
-        self._given_up = done
         return newest
 
     def _new_events(self) -> Iterator[tuple[int, dict[str, Any]]]:

@@ -17,6 +17,7 @@ from teleop.safety.events import ACTIVE, FAULT
 from teleop.settings.trial_settings import TrialSettings
 from teleop.streams import stream as streams
 from teleop.streams.columns import Layout
+from teleop.streams.ring import RingReader
 from teleop.streams.shared_file import SharedFile
 from teleop.streams.stream import EVENT_SIZE, LONGEST_TEXT, Stream, StreamReader, event_record
 from teleop.trial.run import run_trial
@@ -104,6 +105,26 @@ def test_ticks_are_joined_with_their_estimates_by_number(trial):
     np.testing.assert_array_equal(
         reader.columns(4, 8)["x"], [40.0, 50.0, 60.0, np.nan]
     )  # those that were late are in the ring
+
+
+def test_estimates_that_are_overwritten_while_ticks_are_read_are_not_those_of_other_ticks(trial):
+    reader, read = trial.stream.reader(), RingReader.read
+    trial.tick(150)
+    trial.estimate(150)
+
+    def interrupted(first, end):
+        found = read(reader.ticks, first, end)
+        trial.tick(60)
+        trial.estimate(60)
+        return found
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(reader.ticks, "read", interrupted)
+        batch = reader.read()
+    x, t = column(batch, "x"), column(batch, "time")
+    known = np.isfinite(x)
+    assert 50 < known.sum() < 150
+    np.testing.assert_array_equal(x[known], 10.0 * t[known])
 
 
 def test_a_tick_is_withheld_until_its_estimates_are_computed(trial):
