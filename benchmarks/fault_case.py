@@ -9,15 +9,15 @@ from typing import Any
 
 from page_in_process import InProcess
 from page_process import PageProcess
+from teleop.recording.sinks import Outcome, Sink, event_record
 
 from sim_backend.faults import FaultyRig
 from teleop.control.clock import Tick, VirtualClock
 from teleop.recording.black_box import BlackBox
-from teleop.streams.columns import Layout
 from teleop.recording.mcap_writer import McapFile
-from teleop.recording.sinks import Outcome, Sink, event_record
 from teleop.safety import Mode
 from teleop.settings.trial_settings import TrialSettings
+from teleop.streams.columns import Layout
 from teleop.trial.assembly import make_controller, make_layout
 from teleop.trial.loop import Loop
 from teleop.trial.stop_switch import StopSwitch

@@ -6,12 +6,12 @@ import mmap
 import time
 
 import numpy as np
+from teleop.recording.sinks import Memory, Sink
 
 from teleop.live.cells import SIZE, CellReader
-from teleop.streams.ring import SLOTS, RingWriter, ring_size
-from teleop.streams.columns import Layout
-from teleop.recording.sinks import Memory, Sink
 from teleop.settings.trial_settings import TrialSettings
+from teleop.streams.columns import Layout
+from teleop.streams.ring import SLOTS, RingWriter, ring_size
 from teleop.trial.assembly import make_clock, make_controller, make_simulated_rig
 from teleop.trial.loop import Loop
 from teleop.trial.page_requests import PageRequests

@@ -24,11 +24,11 @@ from teleop.live.cells import ARM, SEEN, CellWriter
 from teleop.live.clients import Client, Control
 from teleop.live.limited_connection import MOST_FRAMES
 from teleop.live.requests import BadRequest, parse_request
-from teleop.streams.ring import SLOTS, RingReader
 from teleop.live.server import PERIOD, Server
 from teleop.live.trial_feed import TrialFeed
-from teleop.streams.columns import Layout
 from teleop.settings.trial_settings import TrialSettings
+from teleop.streams.columns import Layout
+from teleop.streams.ring import SLOTS, RingReader
 from teleop.trial import live_link
 from teleop.trial.live_link import EVENT_SIZE, EVENT_SLOTS, LiveLink
 from teleop.trial.page_requests import PAGE_AGE, PagePointer, PageRequests
