@@ -5,7 +5,7 @@
     python benchmarks/soak.py --minutes 30 --live         # with pages that come and go
 
 `teleop run` runs in real time and records, while another process keeps the other processor busy.
-The memory and the open descriptors of each of its processes (loop, recorder, live process) are
+The memory and the open descriptors of each of its processes (loop, recorder, estimation, live process) are
 measured every second. Their growth is the median memory in the last tenth of the run, minus the
 median memory in a tenth of the run that begins after the first minute, or the first fifth of the
 run. The peak is the largest value after this time, minus the same median. With `--live`, eight
@@ -33,7 +33,11 @@ from live_session import Session, now, session
 from loop import busy, histogram
 from websockets.exceptions import ConnectionClosed, InvalidHandshake
 
-PROCESSES = {b"teleop.recording.process": "recorder", b"teleop.live.process": "live"}
+PROCESSES = {
+    b"teleop.recording.recorder_process": "recorder",
+    b"teleop.streams.estimation_process": "estimation",
+    b"teleop.live.process": "live",
+}
 """Name of each child process of `teleop run`, by a part of its command line."""
 PAGES = 8
 WARM = 60.0
@@ -139,7 +143,7 @@ def report(out: str, found: dict[str, list[Usage]], seconds: float) -> None:
         peak = max(value.memory for value in after) - first
         most = max(value.descriptors for value in after)
         print(
-            f"  {name:9} {first:6.1f} MB, growth {last - first:+.2f} MB after {warm:.0f} s, peak "
+            f"  {name:10} {first:6.1f} MB, growth {last - first:+.2f} MB after {warm:.0f} s, peak "
             f"{peak:+.2f} MB; descriptors {after[0].descriptors}, at most {most}, at the end "
             f"{after[-1].descriptors}"
         )
