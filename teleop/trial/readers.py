@@ -168,6 +168,8 @@ class ReadersInProcesses(ReadersOfTrial):
         self._path = recording["path"] if recording else None
         self._ticks = 0
         self._is_late = False
+        self._is_evaluated = True
+        """Whether the process that evaluates the precision has not ended."""
         self._processes: dict[str, ChildProcess] = {}
         preset, conditioner = settings.estimation_preset, settings.make_conditioner()
         self._sessions = {"estimation": session_of(preset, conditioner)}
@@ -199,16 +201,25 @@ class ReadersInProcesses(ReadersOfTrial):
         self._ticks += 1
         if self._ticks % CHECK:
             return
-        processes = self._processes
-        for name in ("recorder", "precision"):
-            if name in processes and processes[name].has_message:
-                answer = processes[name].wait_for_request(0.0)
-                if name == "precision" and answer:
-                    self._state(t, answer["text"], answer["is_reached"])
-                elif not self.end_reason:
-                    cause = answer["failure"] if answer else f"the {name} was killed"
-                    self.end_reason = f"{self._sessions[name].get('path') or name}: {cause}"
+        self._check_recorder()
+        self._check_precision(t)
         self._check_estimation(t)
+
+    def _check_recorder(self) -> None:
+        recorder = self._processes.get("recorder")
+        if recorder and recorder.has_message and not self.end_reason:
+            answer = recorder.wait_for_request(0.0)
+            cause = answer["failure"] if answer else "the recorder was killed"
+            self.end_reason = f"{self._path or 'progress line'}: {cause}"
+
+    def _check_precision(self, t: float) -> None:
+        precision = self._processes.get("precision")
+        if precision and precision.has_message and self._is_evaluated:
+            if answer := precision.wait_for_request(0.0):
+                self._state(t, answer["text"], answer["is_reached"])
+            else:  # the trial then has its full duration
+                self._is_evaluated = False
+                self._state(t, "no longer evaluated: the process was killed", False)
 
     def _check_estimation(self, t: float) -> None:
         process = self._processes["estimation"]
