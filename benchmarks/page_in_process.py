@@ -2,9 +2,9 @@
 
 `InProcess` is the `LiveLink` of the package, without its process and its sockets. The messages of
 the page take the same way as in the live process: the parser, the server with the control of the
-pages, the feed, and the cells, which `PageRequests` reads in the loop. The memory of the cells is private:
-a process that forks gets its own copy. The stream must be a `private_stream`. The connection delays
-every message by the same time, and keeps their order.
+pages, the feed, and the cells, which `PageRequests` reads in the loop. The memory of the cells is
+private: a process that forks gets its own copy. The stream must be a `private_stream`. The
+connection delays every message by the same time, and keeps their order.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from unittest import mock
 
 from sim_backend import PointerOperator
 from teleop.json_documents import dumps, loads
+from teleop.live import trial_feed
 from teleop.live.cells import ARM, SEEN, CellWriter
 from teleop.live.clients import Client, Control
 from teleop.live.limited_connection import MOST_FRAMES
 from teleop.live.requests import BadRequest, parse_request
-from teleop.live import trial_feed
 from teleop.live.server import PERIOD, Server
 from teleop.live.trial_feed import TrialFeed
 from teleop.settings.trial_settings import TrialSettings
