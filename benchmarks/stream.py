@@ -146,13 +146,9 @@ def measure(path: Path, seconds: float, estimators: str, rate: float) -> bool:
     print(f"\n{estimators} estimators, {rate:g} Hz, {seconds:g} s, load {os.getloadavg()[0]:.1f}")
     for title, ages in (("newest", page.newest), ("all", page.ages)):
         middle, high, most = np.percentile(ages or [np.nan], (50, 99, 100)) * 1e3
-        print(
-            f"  age of the estimates, {title:7} p50 {middle:6.1f}  p99 {high:6.1f}  max {most:6.1f} ms"
-        )
-    middle, high, most = np.percentile(behind, (50, 99, 100)) / rate * 1e3
-    print(f"  estimation behind the loop    p50 {middle:6.1f}  p99 {high:6.1f}  max {most:6.1f} ms")
-    middle, high, most = np.percentile(late, (50, 99, 100))
-    print(f"  lateness of the loop          p50 {middle:6.1f}  p99 {high:6.1f}  max {most:6.1f} us")
+        print_line(f"age of the estimates, {title}", np.array(ages or [np.nan]) * 1e3, "ms")
+    print_line("estimation behind the loop", np.array(behind) / rate * 1e3, "ms")
+    print_line("lateness of the loop", late, "us")
     texts = (f"{name} {100.0 * seconds / passed:.1f} %" for name, seconds in used.items())
     print(f"  share of a processor: {', '.join(texts)}")
     print(f"  missed ticks: {', '.join(f'{n} {c}' for n, c in missed.items()) or 'none'}")
