@@ -145,7 +145,6 @@ def measure(path: Path, seconds: float, estimators: str, rate: float) -> bool:
     late = trial.columns()["lateness"][-(trial.stream.ticks.newest - first) :] * 1e6
     print(f"\n{estimators} estimators, {rate:g} Hz, {seconds:g} s, load {os.getloadavg()[0]:.1f}")
     for title, ages in (("newest", page.newest), ("all", page.ages)):
-        middle, high, most = np.percentile(ages or [np.nan], (50, 99, 100)) * 1e3
         print_line(f"age of the estimates, {title}", np.array(ages or [np.nan]) * 1e3, "ms")
     print_line("estimation behind the loop", np.array(behind) / rate * 1e3, "ms")
     print_line("lateness of the loop", late, "us")
