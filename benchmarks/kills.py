@@ -231,8 +231,8 @@ def kill(
         rig.kill()
         rig.communicate()
         trial.process.kill()
-        trial.clean_up()
-    left = remaining([*trial.readers.values()])
+        left = remaining([*trial.readers.values()])
+        files = trial.clean_up()
     recording = recovered(path, target)
     if target == "recorder":
         pushed = at_kill
@@ -254,6 +254,8 @@ def kill(
         result["stopped"] = max(t[moves[-1] + 1] - t[at_kill - 1], 0.0)
     if target != "controller" and end.get("complete") is not (target != "recorder"):
         result["problem"] = f"the process of the trial reports {end}"
+    if files:
+        result["problem"] = f"{files} files of shared memory are left"
     if faults != expected:
         result["problem"] = f"faults {faults}"
     return result | {"overran": OVERRUN in faults}

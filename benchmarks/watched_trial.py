@@ -114,10 +114,12 @@ class WatchedTrial:
         """Return all columns of all ticks in the ring."""
         return self.stream.columns(1, self.stream.ticks.newest + 1)
 
-    def clean_up(self) -> None:
-        """Remove the shared memory, which remains if the process of the trial was killed."""
-        for path in self._files:
+    def clean_up(self) -> int:
+        """Remove the shared memory that is left, and return how many files this was."""
+        left = [path for path in self._files if path.exists()]
+        for path in left:
             path.unlink(missing_ok=True)
+        return len(left)
 
 
 def readers_of(pid: int) -> dict[str, int]:

@@ -8,6 +8,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, Protocol
 
 from teleop.errors import InputError
@@ -122,3 +123,5 @@ def run_reader(
         reader.advance()
         time.sleep(period)
     pipe.send(reader.finish())
+    for path in session["stream"]["files"].values():
+        Path(path).unlink(missing_ok=True)  # the control process may have been killed
