@@ -104,11 +104,13 @@ class ReadersOfTrial(Readers):
             self._note(PRECISION, f"{self._until.text}: {text}")
             if message["is_reached"]:
                 self.end_reason = text
-        elif name != ESTIMATION:
+        elif name == "recorder":
             self.end_reason = self.end_reason or f"{self._path or name}: {message['failure']}"
-        elif not self.failure:
+        elif name == ESTIMATION:
             self.failure, self.traceback = message["failure"], message["traceback"]
             self._note(ESTIMATION, f"no further estimates: {self.failure}")
+        else:  # the trial then has its full duration
+            self._note(PRECISION, f"no longer evaluated: {message['failure']}")
 
     def _note(self, source: str, text: str) -> None:
         self._stream.event(Event(self._time, self._mode, text, source=source))
@@ -177,6 +179,8 @@ class ReadersInProcesses(ReadersOfTrial):
         self._late = LATE * settings.loop_rate
         self._ticks = 0
         self._is_late = False
+        self._ended: set[str] = set()
+        """Names of the processes that have ended during the trial."""
         preset, conditioner = settings.estimation_preset, settings.make_conditioner()
         sessions = {
             ESTIMATION: session_of(preset, conditioner),
@@ -210,8 +214,11 @@ class ReadersInProcesses(ReadersOfTrial):
             return
         self._time, self._mode = record.t, record.mode
         for name, process in self._processes.items():
-            if process.has_message:
-                self._receive(name, process.wait_for_request(0.0))
+            if process.has_message and name not in self._ended:
+                message = process.wait_for_request(0.0)
+                if message is None:
+                    self._ended.add(name)
+                self._receive(name, message)
         was_late = self._is_late
         self._is_late = self._stream.newest - self._stream.estimated > self._late
         if self._is_late and not (was_late or self.failure):
@@ -232,8 +239,10 @@ class ReadersInProcesses(ReadersOfTrial):
         """Wait for the end of a process; return its last message, or None if it was killed."""
         messages = self._processes[name].finish(CLOSING)
         last = messages.pop() if messages and "problem" in messages[-1] else None
-        for message in messages if last else [*messages, None]:
+        for message in messages:
             self._receive(name, message)
+        if last is None and name not in self._ended:
+            self._receive(name, None)
         return last
 
     def _end(self) -> None:
