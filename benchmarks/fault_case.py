@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import math
 import random
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +13,7 @@ from page_process import PageProcess
 
 from sim_backend.faults import FaultyRig
 from teleop.control.clock import Tick, VirtualClock
+from teleop.control.tick_record import Record
 from teleop.recording.recorder import Recorder
 from teleop.safety import Mode
 from teleop.settings.trial_settings import TrialSettings
@@ -69,20 +70,24 @@ class CampaignReaders(ReadersInLoop):
         self.path, self.first = path, reader.position + 1
         session = {"path": str(path), "metadata": {}, "overwrite": False, "show": False}
         session |= {"duration": 0.0, "hint": "", "instructions": "", "cue": None}
-        self._recorder = Recorder(session, reader)
-        self._recorder.begin(10**18)
-        self._advance(math.nan)
+        self._recorder = Recorder(session, reader, partial(self._receive, "recorder"))
+        self._recorder.receive({"start": 10**18})
+        self._advance()
         self._recorder._file.flush()  # type: ignore[union-attr]
 
-    def after_tick(self, t: float) -> None:
+    def after_tick(self, record: Record) -> None:
         """Read the new ticks every `BLOCK` ticks, and flush the file every `FLUSHED` ticks."""
+        self._time, self._mode = record.t, record.mode
         if self._stream.newest % BLOCK:
             return
-        self._advance(t)
+        self._advance()
         if self._recorder and self._stream.newest % FLUSHED == 0:
             self._recorder._file.flush()  # type: ignore[union-attr]
-        if self._recorder and self._recorder.failure:
-            self.end_reason = self._recorder.failure
+
+    def _advance(self) -> None:
+        self._estimation.advance()
+        if self._recorder:
+            self._recorder.advance()
 
     def kill(self) -> None:
         """Imitate SIGKILL of the recorder: write nothing more, not even buffered data."""

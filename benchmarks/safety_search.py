@@ -182,7 +182,7 @@ class SafetySearch(RuleBasedStateMachine):
                 at_begin[STOP] = self.page._stops  # a STOP between two trials stops the next one
             self.at_begin = at_begin
             self.stream = private_stream(self.layout, STORED, self.now)
-            self.estimates = self.stream.estimates_writer()
+            self.estimates = self.stream.reader().estimates_writer()
             self.switch.page = self.page.begin(self.settings, self.stream)
             self.beats = self.page.counts[PROCESS]
             self.heard = self.now()

@@ -22,11 +22,11 @@ from teleop.streams.shared_file import SharedFile
 from teleop.streams.stream import READERS, Stream, StreamReader
 
 MODULES = {
-    b"teleop.recording.recorder_process": "recorder",
-    b"teleop.streams.estimation_process": "estimation",
+    b"teleop.recording.recorder": "recorder",
+    b"teleop.streams.estimation": "estimation",
     b"teleop.live.process": "live page",
     b"teleop.live.foxglove_process": "foxglove",
-    b"teleop.trial.precision_process": "precision",
+    b"teleop.trial.precision": "evaluation",
 }
 """Name of each reader by the module of its process."""
 TICK = 1.0 / os.sysconf("SC_CLK_TCK")

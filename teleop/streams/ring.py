@@ -79,7 +79,7 @@ class RingReader:
     @property
     def oldest(self) -> int:
         """Number of the oldest record that can be read."""
-        return max(1, self.newest - self._count + margin(self._count))
+        return max(1, self.newest + 1 - self._count + margin(self._count))
 
     def read(self, first: int, end: int) -> tuple[int, Records]:
         """Return copies of the records from number `first` to `end` - 1 that still exist.

@@ -34,6 +34,9 @@ LIVE_PRIORITY = 20
 The priority is above that of all normal processes, so that a busy machine does not delay STOP, and
 does not end a trial because the heartbeat is late. The server limits what it processes.
 """
+ESTIMATION_PRIORITY = 10
+"""Priority of SCHED_FIFO for the process of the estimation, so that its results are not late on a
+busy machine. The process leaves a tenth of its processor to others (`run_reader`)."""
 MCL_CURRENT, MCL_FUTURE = 1, 2
 """Flags of mlockall on Linux."""
 DONE = "done"
@@ -162,15 +165,20 @@ class RealTime:
         self._steps = tuple(steps) if mode != "off" else ()
         self._undo = contextlib.ExitStack()
 
-    def start(self, live: int | None = None) -> None:
-        """Set the real-time priority of this process, directly before the control loop starts."""
+    def start(self, live: int | None = None, estimation: int | None = None) -> None:
+        """Set the real-time priorities, directly before the control loop starts.
+
+        They are those of this process, and of the live process and the estimation, if they exist.
+        """
         if FIFO in self._steps:
             own = self.report.get(PROCESSOR) == DONE
             self._take(FIFO, set_fifo_priority if own else set_shared_fifo_priority)
-        if live and self.report.get(FIFO) == DONE:
-            with contextlib.suppress(OSError):
-                set_priority(live, LIVE_PRIORITY)
-                self._undo.callback(set_normal_priority, live)
+        if self.report.get(FIFO) == DONE:
+            for process, priority in ((live, LIVE_PRIORITY), (estimation, ESTIMATION_PRIORITY)):
+                with contextlib.suppress(OSError):
+                    if process:
+                        set_priority(process, priority)
+                        self._undo.callback(set_normal_priority, process)
         missing = [f"{name} ({why})" for name, why in self.report.items() if why != DONE]
         if self._mode == "require" and missing:
             raise InputError(

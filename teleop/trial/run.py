@@ -146,7 +146,7 @@ def run_trial(
                     switch.page = live.begin(settings, stream)
                 for viewer in viewers:
                     viewer.begin(settings, stream)
-                applied.start(live.pid if live else None)
+                applied.start(live.pid if live else None, readers.estimation_pid)
                 loop.run()
                 # no signal may interrupt the closing of rig and files
                 switch.clean_up()
