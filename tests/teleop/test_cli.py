@@ -283,6 +283,22 @@ def test_help_imports_nothing_heavy():
     assert (done.returncode, done.stderr) == (0, "")
 
 
+def test_the_estimation_of_a_table_imports_nothing_of_a_trial(tmp_path):
+    t = np.arange(400) / 100.0
+    x = 5e-3 - 4e-3 * np.cos(2.0 * np.pi * t)
+    table = np.column_stack([t, 1e3 * x, 2000.0 * x])
+    header = "time [s],position [mm],force [N]"
+    file = tmp_path / "table.csv"
+    np.savetxt(file, table, delimiter=",", header=header, comments="")
+    code = (
+        f"import sys; from teleop.cli import main; main(['estimate', {str(file)!r}])\n"
+        "of_trials = {'sim_backend', 'pydantic', 'teleop.settings', 'teleop.control'}\n"
+        "sys.exit(', '.join(of_trials & set(sys.modules)) or 0)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
 def test_a_run_imports_scipy_which_takes_long_only_after_the_trial():
     arguments = ["run", "--clock", "virtual", "--duration", "0.2", "--no-record"]
     code = (

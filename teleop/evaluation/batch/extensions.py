@@ -284,7 +284,7 @@ class Screening:
     def solution(self, chosen: NDArray[np.intp]) -> tuple[float, Floats]:
         """Return the sum of squares of the residual with the chosen columns, and coefficients."""
         g = self.along[chosen]
-        theta = np.linalg.lstsq(self.products[np.ix_(chosen, chosen)], g, rcond=1e-12)[0]
+        theta = np.linalg.lstsq(self.products[chosen[:, None], chosen], g, rcond=1e-12)[0]
         return self.power - float(g @ theta), theta / self.size[chosen]
 
 

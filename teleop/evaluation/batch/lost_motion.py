@@ -278,8 +278,8 @@ class Regressors:
         size = np.sqrt(np.maximum(np.diag(gram), 1e-300))
         gram, along = gram / np.outer(size, size), along / size
         for model in self._models:
-            used = self._used(model) + ([] if last is None else [columns.shape[1] - 1])
-            theta = np.linalg.lstsq(gram[np.ix_(used, used)], along[used], rcond=1e-12)[0]
+            used = np.array(self._used(model) + ([] if last is None else [columns.shape[1] - 1]))
+            theta = np.linalg.lstsq(gram[used[:, None], used], along[used], rcond=1e-12)[0]
             residual = self._force - columns[:, used] @ (theta / size[used])
             count = len(used) + self._basis.shape[1] + (half_width > 0.0)
             yield HysteresisFit(half_width, shape, model, count, residual), float(theta[-1])
@@ -348,9 +348,8 @@ def played(x: Floats, half_widths: Floats) -> Floats:
     low, high = x[:, None] - half_widths, x[:, None] + half_widths
     out = np.empty_like(low)
     y = np.full(len(half_widths), x[0])
-    for i in range(len(x)):
-        y = np.minimum(np.maximum(y, low[i]), high[i])
-        out[i] = y
+    for at_least, at_most, now in zip(low, high, out, strict=True):
+        y = np.minimum(np.maximum(y, at_least, out=now), at_most, out=now)
     return out.T
 
 
