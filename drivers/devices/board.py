@@ -15,7 +15,7 @@ from drivers.codecs.board import BoardState, Configured, Identity, Input, Messag
 from drivers.device import Drive, ForceDrive, Sample, SerialDevice, VelocityDrive
 from drivers.device_clock import DeviceClock
 from drivers.devices.board_settings import QUANTITIES, BoardSettings, gains
-from drivers.rig import RigError
+from drivers.rig import RigError, new_tuple
 from drivers.transports.stream_port import StreamPort
 
 PATIENCE = 4.0
@@ -212,9 +212,9 @@ class Board(SerialDevice):
                 self._update_identity(message)
         if newest:
             self._clock.observe(newest.time, now)
-            time = self._clock.time(newest.time)
+            time, counts, samples = self._clock.time(newest.time), newest.counts, self.samples
             for index, signal, gain in self._gains:
-                self.samples[signal] = Sample(gain * newest.counts[index], time)
+                samples[signal] = new_tuple(Sample, (gain * counts[index], time))
 
     def _in_order(self, sample: codec.Sample) -> bool:
         """Return whether a sample is newer than all previous samples; count missing samples."""
@@ -332,8 +332,7 @@ class Board(SerialDevice):
     def transmit(self) -> None:
         """If operation is requested, send the commands. This resets the board's watchdog."""
         if self._wanted:
-            rest = [0] * (codec.AXES - len(self.axes))
-            self._send(codec.COMMAND, codec.command(*(axis.counts for axis in self.axes), *rest))
+            self._send(codec.COMMAND, codec.command(*[axis.counts for axis in self.axes]))
 
     def stop(self) -> None:
         """Send the message HELLO, so that the board stops sending samples."""
