@@ -175,8 +175,8 @@ def decode(body: bytes) -> Message | None:
     """
     kind, length = body[0], len(body)
     if kind == SAMPLE and length == SAMPLE_FRAME.size:
-        numbers = SAMPLE_FRAME.unpack(body)
-        return new_tuple(Sample, (*numbers[:7], numbers[7:]))
+        values = SAMPLE_FRAME.unpack(body)
+        return new_tuple(Sample, (*values[:7], values[7:]))
     if kind == CONFIGURED and length == CONFIGURED_FRAME.size:
         return Configured(*CONFIGURED_FRAME.unpack(body)[1:])
     if kind == IDENTITY and length >= HEAD.size + STAMP.size:

@@ -22,9 +22,8 @@ from drivers.device import (
 from drivers.rig import RigError
 
 if TYPE_CHECKING:
-    import can
-
     from drivers.transports.can_bus import CanBus
+    from drivers.transports.can_frame import CanFrame
 
 FIRST_HEARTBEAT = 1.0
 """Longest wait for the first heartbeat [s]. This is ten times the default period."""
@@ -187,7 +186,7 @@ class ODrive(CanDevice, VelocityDrive):
                 "in the rig file"
             )
 
-    def receive(self, frame: can.Message, time: float) -> None:
+    def receive(self, frame: CanFrame, time: float) -> None:
         """Process a CAN frame that the axis has sent. `time` is its time of arrival [s]."""
         if frame.is_remote_frame:
             self.rejected["remote"] += 1
