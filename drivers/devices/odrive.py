@@ -19,7 +19,7 @@ from drivers.device import (
     Sample,
     VelocityDrive,
 )
-from drivers.rig import RigError
+from drivers.rig import RigError, new_tuple
 
 if TYPE_CHECKING:
     from drivers.transports.can_bus import CanBus
@@ -191,7 +191,7 @@ class ODrive(CanDevice, VelocityDrive):
         if frame.is_remote_frame:
             self.rejected["remote"] += 1
             return
-        data = bytes(frame.data)
+        data = frame.data
         if len(data) != codec.LENGTH:
             self.rejected["length"] += 1
             return
@@ -215,7 +215,7 @@ class ODrive(CanDevice, VelocityDrive):
             self.rejected["not finite"] += 1
             return
         for signal, value in values.items():
-            self.samples[signal] = Sample(value, time)
+            self.samples[signal] = new_tuple(Sample, (value, time))
 
     def _check_state(self, heartbeat: codec.Heartbeat) -> None:
         """Check whether the axis is in the requested state; in operation, set `error` if not."""

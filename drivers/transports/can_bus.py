@@ -184,13 +184,13 @@ class CanBus(Bus):
         self.received += len(frames)
         wall, routes = time.time(), self._routes
         for frame in frames:
-            identifier, _, timestamp, is_extended, _, is_error, *_ = frame
-            if is_error:
+            if frame.is_error_frame:
                 self.errors += 1
-                if identifier & BUS_OFF:
+                if frame.arbitration_id & BUS_OFF:
                     raise RigError(f"{self.name}: CAN bus {self.channel} is off")
-            elif receive := routes.get(identifier | EXTENDED if is_extended else identifier):
-                age = wall - timestamp
+                continue
+            if receive := routes.get(frame.arbitration_id | frame.is_extended_id * EXTENDED):
+                age = wall - frame.timestamp
                 receive(frame, now - age if 0.0 <= age < LATEST else middle)
 
     def _watch_adapter(self, bus: SlcanBus) -> None:
