@@ -47,7 +47,8 @@ class BoardAxis(Drive):
         """Stop all axes of the board immediately; return whether the board has confirmed it."""
         return self._board.disable()
 
-    def _store(self, value: float) -> float:
+    def command(self, value: float) -> float:
+        """Store a velocity [m/s] or force [N] for `transmit`; return it in whole counts."""
         self.counts = codec.to_counts(value, self._scale)
         return self.counts * self._scale
 
@@ -55,17 +56,9 @@ class BoardAxis(Drive):
 class Axis(BoardAxis, VelocityDrive):
     """An axis of the board that accepts velocities."""
 
-    def command(self, velocity: float) -> float:
-        """Store the velocity [m/s] for `transmit`; return it rounded to the board's resolution."""
-        return self._store(velocity)
-
 
 class ForceAxis(BoardAxis, ForceDrive):
     """An axis of the board that accepts forces."""
-
-    def command(self, force: float) -> float:
-        """Store the force [N] for `transmit`; return it rounded to the board's resolution."""
-        return self._store(force)
 
 
 class Board(SerialDevice):
@@ -211,8 +204,8 @@ class Board(SerialDevice):
             else:
                 self._update_identity(message)
         if newest:
-            self._clock.observe(newest.time, now)
-            time, counts, samples = self._clock.time(newest.time), newest.counts, self.samples
+            time, counts = self._clock.observe(newest.time, now), newest.counts
+            samples = self.samples
             for index, signal, gain in self._gains:
                 samples[signal] = new_tuple(Sample, (gain * counts[index], time))
 

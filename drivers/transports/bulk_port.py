@@ -49,13 +49,12 @@ class PortablePort:
         return bytes(self._port.read(waiting))
 
     def write(self, data: bytes, timeout: float) -> int:
-        """Write as many bytes as the port accepts, and return the number of written bytes."""
-        taken = self._write_some(data)
-        if taken < len(data):
-            deadline = time.monotonic() + timeout
-            while taken < len(data) and (left := deadline - time.monotonic()) > 0.0:
-                self._wait_for_room(left)
-                taken += self._write_some(data[taken:])
+        """Write as many bytes as the port accepts in this time, and return their number."""
+        taken = self.send(data)
+        deadline = time.monotonic() + timeout
+        while taken < len(data) and (left := deadline - time.monotonic()) > 0.0:
+            self._wait_for_room(left)
+            taken += self.send(data[taken:])
         return taken
 
     def discard_input(self) -> None:
@@ -66,7 +65,8 @@ class PortablePort:
         """Close the port."""
         self._port.close()
 
-    def _write_some(self, data: bytes) -> int:
+    def send(self, data: bytes) -> int:
+        """Write as many bytes as the port accepts now, and return the number of written bytes."""
         try:
             return self._port.write(data) or 0
         except serial.SerialTimeoutException:
@@ -108,7 +108,8 @@ class DescriptorPort(PortablePort):
         self._descriptor = -1
         super().close()
 
-    def _write_some(self, data: bytes) -> int:
+    def send(self, data: bytes) -> int:
+        """Write as many bytes as the port accepts now, and return the number of written bytes."""
         try:
             return os.write(self._descriptor, data)
         except BlockingIOError:

@@ -249,7 +249,7 @@ class SlcanBus(can.BusABC):
         """
         data = self._cut + b"".join(lines)
         try:
-            written = self._port.write(data, timeout)
+            written = self._port.write(data, timeout) if timeout else self._port.send(data)
         except (OSError, ValueError) as error:
             raise self._gone(error) from error
         if written == len(data):
