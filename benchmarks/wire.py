@@ -15,8 +15,9 @@ the bus has sent. The ratio is the sum of the steps, or the tick of the rig, to 
 limit are measured in turn. `--against` is the folder with the source of another version, which is
 measured in the same turns.
 
-For SocketCAN, whose kernel module many machines lack, the frames go through a pair of datagram
-sockets instead: `recvmsg` and `send` of this package, of python-can, and the bare calls.
+For SocketCAN, whose kernel module many machines lack, two frames in each direction go through a
+pair of datagram sockets with time stamps of the kernel: with this package, with python-can, and
+with the bare calls `recv` and `send`.
 """
 
 from __future__ import annotations
@@ -32,6 +33,7 @@ import time
 import tty
 from collections import defaultdict
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -40,7 +42,8 @@ from emulated import emulated
 
 from drivers import STANDSTILL
 from drivers.rig_file import read_rig_file
-from drivers.transports.datagram_port import DatagramPort
+from drivers.transports.can_bus import CanBus
+from drivers.transports.datagram_port import SO_TIMESTAMPNS, DatagramPort
 from drivers.wired_rig import WiredRig
 from teleop.control.clock import RealClock
 from teleop.trial.realtime import realtime
@@ -90,13 +93,14 @@ class Probes:
         """Measure the steps of each bus of an open rig."""
         for name, bus in rig.buses.items():
             self.probe(bus, "poll", name, "decode")
-            if hasattr(bus, "transmit"):
+            if isinstance(bus, CanBus) and hasattr(bus, "transmit"):
                 self.probe(bus, "transmit", name, "encode")
             line = getattr(bus, "_stream", bus)
             adapter = getattr(line, "_adapter", None) or getattr(line, "_bus", None)
             if adapter:
-                self.probe(adapter._port, "read", name, "read")
-                self.probe(adapter._port, "write", name, "write")
+                port = adapter._port
+                self.probe(port, "read", name, "read")
+                self.probe(port, "send" if hasattr(port, "send") else "write", name, "write")
             elif isinstance(line, DatagramPort):
                 self.probe(line, "_take", name, "read")
                 self.probe(line, "send", name, "write")
@@ -165,7 +169,8 @@ def limit(chunks: list[tuple[str, str]], ticks: int) -> dict[str, list[float]]:
     process = subprocess.Popen(
         [sys.executable, __file__, "--replay"], stdin=subprocess.PIPE, stdout=subprocess.PIPE
     )
-    assert process.stdin and process.stdout
+    assert process.stdin
+    assert process.stdout
     process.stdin.write(json.dumps(chunks).encode())
     process.stdin.close()
     port = os.open(process.stdout.readline().strip(), os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
@@ -176,10 +181,8 @@ def limit(chunks: list[tuple[str, str]], ticks: int) -> dict[str, list[float]]:
                 data = sent[tick % len(sent)]
                 clock.wait()
                 start = time.perf_counter()
-                try:
+                with suppress(BlockingIOError):
                     os.read(port, 65_536)
-                except BlockingIOError:
-                    pass
                 middle = time.perf_counter()
                 if data:
                     os.write(port, data)
@@ -229,36 +232,34 @@ def report(rig: str, versions: dict[str, Times], limits: dict[str, dict[str, lis
 
 
 def socketcan(ticks: int) -> None:
-    """Print the time to receive and send two frames with a pair of datagram sockets."""
-    from drivers.transports.can_adapter import SocketCanAdapter, packed
+    """Print the time to receive and send two frames of Linux with a pair of datagram sockets."""
+    from can.interfaces.socketcan import SocketcanBus
+
+    from drivers.transports.can_adapter import PythonCanAdapter, SocketCanAdapter, packed
     from drivers.transports.can_frame import CanFrame
 
-    class Bus:
-        def __init__(self, end: socket.socket) -> None:
-            self.socket = end
-
     host, device = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
+    host.setsockopt(socket.SOL_SOCKET, SO_TIMESTAMPNS, 1)
     frames = [CanFrame(identifier, bytes(8)) for identifier in (0x29, 0x49)]
     wire = [packed(frame) for frame in frames]
-    adapter = SocketCanAdapter(Bus(host))
+    bus = SocketcanBus.__new__(SocketcanBus)  # without its constructor, which needs SocketCAN
+    bus.socket, bus.channel, bus._filters, bus._is_filtered = host, "pair", None, True
+    bus._is_shutdown = True
+    adapter, theirs = SocketCanAdapter(bus), PythonCanAdapter(bus)
 
-    def bare() -> tuple[Callable[[], object], Callable[[], object]]:
-        def read() -> None:
-            try:
-                while True:
-                    host.recv(72, socket.MSG_DONTWAIT)
-            except BlockingIOError:
-                pass
+    def receive() -> None:
+        with suppress(BlockingIOError):
+            while True:
+                host.recv(len(wire[0]), socket.MSG_DONTWAIT)
 
-        def write() -> None:
-            for data in wire:
-                host.send(data, socket.MSG_DONTWAIT)
+    def send() -> None:
+        for data in wire:
+            host.send(data, socket.MSG_DONTWAIT)
 
-        return read, write
-
-    ways = {
-        "SocketCAN's adapter, two frames": (adapter.drain, lambda: adapter.put(frames)),
-        "limit: recv, send": bare(),
+    ways: dict[str, tuple[Callable[[], object], Callable[[], object]]] = {
+        "two frames of SocketCAN": (adapter.drain, lambda: adapter.put(frames)),
+        "the same with python-can": (theirs.drain, lambda: theirs.put(frames)),
+        "limit of the same frames": (receive, send),
     }
     times: dict[str, tuple[list[float], list[float]]] = {way: ([], []) for way in ways}
     clock = RealClock(RATE)
@@ -276,15 +277,14 @@ def socketcan(ticks: int) -> None:
                 end = time.perf_counter()
                 times[way][0].append(middle - start)
                 times[way][1].append(end - middle)
-                for _ in wire:
-                    device.recv(72)
-    floor = sum(map(p50, times["limit: recv, send"]))
+                for data in wire:
+                    device.recv(len(data))
+    *_, limits = times.values()
+    floor = sum(map(p50, limits))
     for way, (reads, writes) in times.items():
         both = p50(reads) + p50(writes)
-        print(
-            f"{way:{WIDTH}}{p50(reads):8.1f}{'':16}{p50(writes):8.1f}{both:8.1f}{'':9}"
-            f"{both / floor:8.1f}"
-        )
+        ratio = f"{both / floor:8.1f}" if times[way] is not limits else ""
+        print(f"{way:{WIDTH}}{p50(reads):8.1f}{'':16}{p50(writes):8.1f}{both:8.1f}{'':9}{ratio}")
 
 
 def main() -> None:
