@@ -11,9 +11,8 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 from pydantic import BaseModel, ConfigDict
 
 if TYPE_CHECKING:
-    import can
-
     from drivers.transports.can_bus import CanBus
+    from drivers.transports.can_frame import CanFrame
     from drivers.transports.datagram_port import DatagramPort
     from drivers.transports.shared_line import SharedLine
     from drivers.transports.stream_port import StreamPort
@@ -459,7 +458,7 @@ class CanDevice(Device):
         """
 
     @abstractmethod
-    def receive(self, frame: can.Message, time: float) -> None:
+    def receive(self, frame: CanFrame, time: float) -> None:
         """Process a CAN frame that the device has sent.
 
         Malformed frames are counted in `rejected`.

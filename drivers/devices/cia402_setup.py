@@ -7,7 +7,6 @@ import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-import can
 from canopen import Network, ObjectDictionary, RemoteNode
 from canopen.objectdictionary import (
     INTEGER8,
@@ -27,6 +26,7 @@ from drivers.devices.cia402_master import NODE
 from drivers.devices.cia402_settings import Cia402Settings
 from drivers.rig import RigError, reason
 from drivers.transports.can_bus import CanBus
+from drivers.transports.can_frame import CanFrame
 
 logging.getLogger("canopen").addHandler(logging.NullHandler())
 
@@ -142,9 +142,9 @@ class DriveSetup:
         self._node: Any = PumpedNode(settings.node_id, bus)
         self._network[settings.node_id] = self._node
 
-    def receive(self, frame: can.Message, time: float) -> None:
+    def receive(self, frame: CanFrame, time: float) -> None:
         """Process the CAN frame of an SDO answer that arrived at `time` [s]."""
-        self._network.notify(frame.arbitration_id, frame.data, time)
+        self._network.notify(frame.arbitration_id, bytearray(frame.data), time)
 
     def run(self) -> Torques:
         """Check and configure the drive; return its torques."""

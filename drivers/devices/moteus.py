@@ -21,9 +21,8 @@ from drivers.device import (
 from drivers.rig import RigError
 
 if TYPE_CHECKING:
-    import can
-
     from drivers.transports.can_bus import CanBus
+    from drivers.transports.can_frame import CanFrame
 
 HOST = 0
 """Node of the controller program on the bus."""
@@ -144,7 +143,7 @@ class Moteus(CanDevice):
         self._send(codec.padded(codec.IDENTIFY))
         return False
 
-    def receive(self, frame: can.Message, time: float) -> None:
+    def receive(self, frame: CanFrame, time: float) -> None:
         """Process a reply of the controller."""
         reply = None if frame.is_remote_frame else codec.decode(bytes(frame.data))
         if reply is None:

@@ -6,11 +6,14 @@ import contextlib
 import hashlib
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
 
 from drivers.claims import claim, claimant, process_text
 from drivers.rig import RigError
+
+if TYPE_CHECKING:
+    from drivers.device import Device
 
 POLL_PERIOD = 0.5e-3
 """Time between two readings of the bus during `wait_for` [s]."""
@@ -47,6 +50,11 @@ class Bus(ABC):
     def start(self, device: Any) -> None:
         """Set up a connected device."""
         device.start(self)
+
+    def transmit(self, devices: Sequence[Device]) -> None:
+        """Let devices of this bus send their commands."""
+        for device in devices:
+            device.transmit()
 
     def wait_for(self, condition: Callable[[], object], seconds: float) -> bool:
         """Read the bus repeatedly until a condition is true, or until the longest wait has passed.

@@ -54,18 +54,15 @@ class StreamPort(Bus):
         The arrival time of the bytes is estimated as the mean of the time of this reading and the
         time of the previous reading.
         """
-        data, now = self.drain(), self.now()
+        try:
+            data = self._read()
+        except (OSError, ValueError) as error:
+            raise self._gone(error) from error
+        now = self.now()
         if data and self._receive:
             self.received += len(data)
             self._receive(data, 0.5 * (self._polled + now))
         self._polled = now
-
-    def drain(self) -> bytes:
-        """Return all bytes that have arrived, without waiting."""
-        try:
-            return self._read()
-        except (OSError, ValueError) as error:
-            raise self._gone(error) from error
 
     def write(self, data: bytes) -> None:
         """Send bytes without waiting."""
