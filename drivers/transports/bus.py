@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
+import math
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable
@@ -27,6 +28,14 @@ class Bus(ABC):
         self.pump: Callable[[], object] = self.poll
         """Function that `wait_for` calls to read the bus. In a rig, it reads all buses."""
         self._held = contextlib.ExitStack()
+
+    @property
+    def occupied(self) -> float:
+        """Time for which the line has carried data so far [s]; NaN if its bit rate is not known.
+
+        It is computed from the number of transmitted bits. Use differences of it.
+        """
+        return math.nan
 
     @abstractmethod
     def open(self) -> None:

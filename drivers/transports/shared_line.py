@@ -74,6 +74,12 @@ class SharedLine(Bus):
         """Return the time [s] that the line needs for `size` bytes; 0 if not known."""
         return self._stream.line_time(size)
 
+    @property
+    def occupied(self) -> float:
+        """Time for which the line has carried requests and answers so far [s]."""
+        stream = self._stream
+        return stream.line_time(stream.written + stream.received) if stream.baud else math.nan
+
     def close(self) -> None:
         """Close the port."""
         self._stream.close()

@@ -14,6 +14,7 @@ from teleop.json_documents import dumps
 from teleop.settings.documents import to_document
 from teleop.settings.trial_settings import TrialSettings
 from teleop.software import software
+from teleop.trial.loop_verdict import LoopVerdict
 
 TEXTS = ("operator", "notes")
 """Settings that are part of the session metadata if they are not empty."""
@@ -33,12 +34,14 @@ def libraries() -> str:
     return ", ".join(found)
 
 
-def session_metadata(settings: TrialSettings) -> dict[str, dict[str, str]]:
+def session_metadata(
+    settings: TrialSettings, checked: LoopVerdict | None = None
+) -> dict[str, dict[str, str]]:
     """Return the metadata of a recording, which consists of the records `session` and `settings`.
 
     Each record is a dictionary of texts. The record `session` describes software, machine, date,
     rig and specimen. The record `settings` has only the key `json`. Its text is a JSON document
-    with the settings of the trial.
+    with the settings of the trial. `checked` is the check of the computer before the trial.
     """
     return {
         "session": {
@@ -54,6 +57,7 @@ def session_metadata(settings: TrialSettings) -> dict[str, dict[str, str]]:
             "hand_force": settings.hand_force_source,
             **({"hand_observer": observer.text} if (observer := settings.hand_observer) else {}),
             "estimated_channels": ", ".join(estimated_channels(settings)) or "none",
+            **({"machine_check": checked.text} if checked else {}),
         },
         "settings": {"json": dumps(to_document(settings))},
     }

@@ -18,6 +18,7 @@ from teleop.recording.sinks import Memory, Outcome, Sink
 from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.later_estimates import LaterEstimates
 from teleop.trial.live_link import LiveLink
+from teleop.trial.loop_verdict import LoopVerdict
 from teleop.trial.metadata import session_metadata
 from teleop.trial.precision import Precision, PrecisionInLoop, PrecisionProcess
 from teleop.trial.stop_switch import StopSwitch
@@ -41,10 +42,11 @@ class Outputs:
         show: bool,
         live: LiveLink | None,
         further: Sequence[Sink] = (),
+        checked: LoopVerdict | None = None,
     ) -> None:
         self._record = record
         self._layout = layout
-        self._metadata = session_metadata(settings)
+        self._metadata = session_metadata(settings, checked)
         self._start = 0
         self._recorder = None
         if record or show:

@@ -116,7 +116,7 @@ def test_the_check_reports_channels_round_trips_and_watchdogs(tmp_path, undemand
     path = undemanding_rig("odrive-bota", tmp_path / "odrive-bota.toml")
     with served(path, tmp_path) as (rig, emulator):
         for _ in range(1 + REPEATS):
-            checked = teleop("rig", "check", rig, "--seconds", 0.3, "--json")
+            checked = teleop("rig", "check", rig, "--seconds", 0.3, "--duration", 0.5, "--json")
             if not busy_cause(checked.stderr, on_devices=True):
                 break
         assert not emulator.mechanism.driven
@@ -129,6 +129,13 @@ def test_the_check_reports_channels_round_trips_and_watchdogs(tmp_path, undemand
     assert {drive["name"] for drive in report["drives"]} == {"master", "slave"}
     assert all(drive["watchdog_s"] > 0.0 for drive in report["drives"])
     assert all(drive["moved_m"] is None for drive in report["drives"])
+    loop = report["loop"]
+    assert loop["verdict"] in ("yes", "with delays")
+    assert loop["ticks"] + loop["skipped"] == pytest.approx(0.5 * loop["rate_hz"], rel=0.2)
+    assert loop["tick_us"]["devices"]["p50"] > 0.0
+    assert loop["watchdog_s"] == 0.08  # of the supervisor: those of this rig are longer
+    assert loop["margin_s"] == loop["watchdog_s"] - loop["longest_gap_s"]
+    assert all(0.0 < load < 1.0 for load in loop["bus_load"].values())
 
 
 def controller(rig):
@@ -238,6 +245,7 @@ def test_a_bus_that_another_process_uses_is_not_opened(used_bus, refused, argume
         (("run", "--depth", "5"), "expected a length with its unit"),
         (("run", "--depth", "5m"), "expected more than 0 and at most 100 mm"),
         (("rig", "check", BOARD, "--seconds", "0"), "expected 0.1 to 3600"),
+        (("rig", "check", BOARD, "--duration", "0"), "duration 0 s: expected 0.1 to 3600"),
         (("rig", "emulate", "nowhere.toml"), "nowhere.toml"),
         (("rig", "emulate", BOARD, "--fault", "melt:usb@1"), "KIND:BUS@SECONDS"),
         (("rig", "emulate", BOARD, "--fault", "drop:usb"), "KIND:BUS@SECONDS"),

@@ -267,7 +267,8 @@ def command(monkeypatch):
         monkeypatch.setattr("teleop.trial.realtime.realtime", lambda mode: RealTime("off", ()))
         monkeypatch.setattr("teleop.rig.channel_check.round_trips", lambda rig, clock: [])
         path = str(trial.file.path)
-        return main(["rig", "check", path, "--seconds", "0.2", "--move", "--yes", *options])
+        short = ("--seconds", "0.2", "--duration", "0.1")
+        return main(["rig", "check", path, *short, "--move", "--yes", *options])
 
     return run
 
