@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
+from typing import Any
 
 from teleop.commands.machine import check_duration
 from teleop.commands.options import Json
@@ -95,7 +96,7 @@ def check(
     problems = list_problems(channels, drives)
     if loop and not loop.possible:
         problems += loop.reasons
-    check = {
+    check: dict[str, Any] = {
         "rig": rig_file.sections.name,
         "channels": [channel._asdict() for channel in channels],
         "round_trip_s": round_trip,
