@@ -54,6 +54,8 @@ def session_metadata(
             "rig": settings.rig_name,
             "specimen": settings.palpated,
             **{name: text for name in TEXTS if (text := getattr(settings, name))},
+            **settings.about.texts(),
+            "units": "SI units, stated for each column",
             "hand_force": settings.hand_force_source,
             **({"hand_observer": observer.text} if (observer := settings.hand_observer) else {}),
             "estimated_channels": ", ".join(estimated_channels(settings)) or "none",
