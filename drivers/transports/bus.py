@@ -27,6 +27,8 @@ class Bus(ABC):
         """Function that `wait_for` calls with the time [s] to wait between two readings."""
         self.pump: Callable[[], object] = self.poll
         """Function that `wait_for` calls to read the bus. In a rig, it reads all buses."""
+        self.log: Callable[[str, str], object] | None = None
+        """Function that gets each transmission as text, after `<` (received) or `>` (sent)."""
         self._held = contextlib.ExitStack()
 
     @property

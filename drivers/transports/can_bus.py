@@ -189,6 +189,8 @@ class CanBus(Bus):
         wall = time.time()
         for frame in frames:
             self._count(frame)
+            if self.log:
+                self.log("<", frame_text(frame))
             if frame.is_error_frame:
                 self.errors += 1
                 if frame.arbitration_id & BUS_OFF:
@@ -266,6 +268,8 @@ class CanBus(Bus):
     def _put(self, frame: can.Message) -> None:
         assert self._bus
         self._count(frame)
+        if self.log:
+            self.log(">", frame_text(frame))
         try:
             self._bus.send(frame)
         except (can.CanError, OSError) as error:
@@ -282,6 +286,14 @@ class CanBus(Bus):
     def _gone(self, error: Exception) -> RigError:
         where = "" if self.interface == "slcan" else f"CAN bus {self.channel} ({self.interface}): "
         return RigError(f"{self.name}: {where}{reason(error)}")
+
+
+def frame_text(frame: can.Message) -> str:
+    """Return a frame in the form of candump: identifier, #, and the bytes or R (remote frame)."""
+    digits = 8 if frame.is_extended_id else 3
+    kind = "E" if frame.is_error_frame else "R" if frame.is_remote_frame else ""
+    mark = "##0" if frame.is_fd else "#"
+    return f"{frame.arbitration_id:0{digits}X}{mark}{kind or bytes(frame.data).hex()}"
 
 
 def waiting(bus: can.BusABC) -> list[can.Message]:

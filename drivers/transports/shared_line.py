@@ -41,6 +41,7 @@ class SharedLine(Bus):
         self._devices.clear()
         self._turns.clear()
         self._asked, self._free_at, self._rest = None, -math.inf, b""
+        self._stream.log = self.log
         self._stream.open()
 
     def connect(self, device: SharedSerialDevice) -> None:

@@ -71,12 +71,17 @@ class StreamPort(Bus):
     def drain(self) -> bytes:
         """Return all bytes that have arrived, without waiting."""
         try:
-            return self._read()
+            data = self._read()
         except (OSError, ValueError) as error:
             raise self._gone(error) from error
+        if data and self.log:
+            self.log("<", data.hex())
+        return data
 
     def write(self, data: bytes) -> None:
         """Send bytes without waiting."""
+        if self.log:
+            self.log(">", data.hex())
         try:
             written = self._write(data)
         except (OSError, ValueError) as error:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Any
 
 from teleop.commands.machine import check_duration
 from teleop.commands.options import Json
@@ -55,15 +54,11 @@ def check(
     from teleop.output.console import print_json
     from teleop.output.machine_tables import print_machine_check
     from teleop.output.rig_tables import live_channels, print_check
-    from teleop.rig.bus_load import overloaded
-    from teleop.rig.channel_check import list_problems, listen, round_trips
-    from teleop.rig.drive_check import arming_text, check_drives
-    from teleop.rig.loop_check import check_loop, serial_ports
+    from teleop.rig.drive_check import arming_text
+    from teleop.rig.whole_check import check_document, check_rig
     from teleop.safety.events import time_text
     from teleop.settings.rig_loading import load_rig_file
     from teleop.trial.arming import is_armed
-    from teleop.trial.computer import latency_timers
-    from teleop.trial.machine_check import loop_document
     from teleop.trial.realtime import realtime
 
     check_duration("seconds", seconds)
@@ -72,60 +67,38 @@ def check(
     if move and not is_armed(rig_file, arming_text(rig_file), yes):
         return 130
     clock = RealClock(rig_file.sections.rate_hz)
-    checked, loop, unstopped = None, None, ""
+    checked, unstopped = None, ""
     try:
         with realtime("try") as real_time, WiredRig(rig_file, clock.now) as rig:
             real_time.start()
             with live_channels(sys.stderr) as show:
-                channels = listen(
+                checked = check_rig(
                     rig,
                     clock,
                     seconds,
+                    duration,
+                    move,
                     lambda reports: show([channel._asdict() for channel in reports]),
                 )
-            round_trip = dict(round_trips(rig, clock))
-            if not list_problems(channels, []):
-                loop = check_loop(rig, duration)
-                checked = check_drives(rig, clock, move)
-            rejected = {name: dict(counts) for name, counts in rig.rejected.items()}
     except NotStoppedError as error:
         if not checked:
             raise
         unstopped = str(error)
-    drives = checked.drives if checked else []
-    problems = list_problems(channels, drives)
-    if loop and not loop.possible:
-        problems += loop.reasons
-    check: dict[str, Any] = {
-        "rig": rig_file.sections.name,
-        "channels": [channel._asdict() for channel in channels],
-        "round_trip_s": round_trip,
-        "drives": [drive._asdict() for drive in drives],
-        "rejected": rejected,
-        "problems": problems,
-        "loop": None,
-    }
-    if loop:
-        loads = checked.bus_load if checked else {}
-        further = overloaded(loads, loop.timing.rate)
-        timers = latency_timers(serial_ports(rig_file))
-        check["loop"] = {
-            **loop_document(loop, real_time.report, timers, further),
-            "bus_load": loads,
-        }
+    check = check_document(rig, checked, real_time.report)
     if json:
         print_json(check)
     else:
         print_check(check)
         if check["loop"]:
             print_machine_check(check["loop"])
-    if checked and checked.fault:
-        text = f"stopped {time_text(checked.fault['time'])}: {checked.fault['text']}"
+    drives = checked.drives
+    if drives and drives.fault:
+        text = f"stopped {time_text(drives.fault['time'])}: {drives.fault['text']}"
         raise SafetyStop(f"{file}: {'; '.join(filter(None, (text, unstopped)))}")
     if unstopped:
         raise SafetyStop(f"{file}: {unstopped}")
-    if checked and checked.interrupted:
+    if drives and drives.interrupted:
         return 130
-    if problems:
-        raise InputError(f"{file}: {'; '.join(problems)}")
+    if checked.problems:
+        raise InputError(f"{file}: {'; '.join(checked.problems)}")
     return 0

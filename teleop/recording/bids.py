@@ -240,8 +240,8 @@ README = """\
 Palpation of specimens with a 1-DOF telemanipulator.
 
 Each recording is a run: its samples are in ..._motion.tsv, the meaning and the SI unit of each
-column in ..._channels.tsv, and the settings of the trial in ..._motion.json (teleop.settings). The subject
-is the specimen, the task is the control condition, and the tracking system is the rig.
+column in ..._channels.tsv, and the settings of the trial in ..._motion.json (teleop.settings).
+The subject is the specimen, the task is the control condition, and the tracking system is the rig.
 """
 
 

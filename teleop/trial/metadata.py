@@ -25,13 +25,23 @@ COMPUTE = ("numpy", "scipy", "numba")
 
 
 @cache
-def libraries() -> str:
-    """Return the names and versions of the installed packages in `COMPUTE`."""
+def libraries(names: tuple[str, ...] = COMPUTE) -> str:
+    """Return the names and versions of those of the packages that are installed."""
     found = []
-    for name in COMPUTE:
+    for name in names:
         with contextlib.suppress(PackageNotFoundError):
             found.append(f"{name} {version(name)}")
     return ", ".join(found)
+
+
+def versions() -> dict[str, str]:
+    """Return the versions of the software, and the name of the machine."""
+    return {
+        "software": f"teleop {software()}",
+        "python": platform.python_version(),
+        "libraries": libraries(),
+        "machine": f"{platform.node()}, {platform.platform()}",
+    }
 
 
 def session_metadata(
@@ -45,10 +55,7 @@ def session_metadata(
     """
     return {
         "session": {
-            "software": f"teleop {software()}",
-            "python": platform.python_version(),
-            "libraries": libraries(),
-            "machine": f"{platform.node()}, {platform.platform()}",
+            **versions(),
             "created": datetime.now().astimezone().isoformat(timespec="seconds"),
             "seed": str(settings.seed),
             "rig": settings.rig_name,

@@ -11,7 +11,7 @@ import can
 import pytest
 
 from drivers.rig import RigError
-from drivers.transports.can_bus import CanBus
+from drivers.transports.can_bus import CanBus, frame_text
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="needs abstract sockets")
 CHANNEL = f"bus-of-{os.getpid()}"
@@ -169,4 +169,31 @@ def test_the_load_of_a_bus_with_unknown_bit_rate_is_not_known(monkeypatch):
     bus, _ = opened(monkeypatch, None)
     bus.send(1, b"")
     assert bus.occupied != bus.occupied
+    bus.close()
+
+
+@pytest.mark.parametrize(
+    "frame",
+    [
+        can.Message(arbitration_id=0x1A, data=b"\x01\xff", is_extended_id=False),
+        can.Message(arbitration_id=0x1A, data=b"", is_extended_id=True),
+        can.Message(arbitration_id=0x7FF, is_remote_frame=True, is_extended_id=False),
+        can.Message(arbitration_id=0x12345, data=bytes(12), is_fd=True),
+    ],
+)
+def test_a_logged_frame_has_the_form_of_candump(frame, tmp_path):
+    path = tmp_path / "log.log"
+    path.write_text(f"(1.0) can0 {frame_text(frame)}\n")
+    (read,) = can.CanutilsLogReader(path)
+    assert read.equals(frame, timestamp_delta=None, check_channel=False, check_direction=False)
+
+
+def test_the_frames_in_both_directions_are_logged(monkeypatch):
+    bus, adapter = opened(monkeypatch, 500_000)
+    logged = []
+    bus.log = lambda way, text: logged.append((way, text))
+    bus.send(0x12, b"\x01")
+    adapter.incoming.append(can.Message(arbitration_id=3, data=b"\x02", is_extended_id=False))
+    bus.poll()
+    assert logged == [(">", "012#01"), ("<", "003#02")]
     bus.close()
