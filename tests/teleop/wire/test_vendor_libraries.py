@@ -12,6 +12,7 @@ import math
 import subprocess
 import sys
 import threading
+from collections import Counter
 from itertools import pairwise
 from pathlib import Path
 
@@ -21,6 +22,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.codecs import mit_motor, moteus
+from drivers.codecs.ft300 import Ft300Parser
 from drivers.devices.mit_motor_settings import MitMotorSettings
 from drivers.devices.moteus import MoteusSettings
 from drivers.rig_file import read_rig_file
@@ -142,6 +144,33 @@ def test_the_sdk_of_robotis_reads_and_writes_the_emulated_servo(tmp_path):
     assert found["torque"] == [1, *no_error]
     assert found["off"] == no_error
     assert found["position"][1:] == no_error
+
+
+FT300 = """
+import json, sys
+import minimalmodbus
+
+sensor = minimalmodbus.Instrument(sys.argv[1], 9)
+sensor.serial.baudrate, sensor.serial.timeout = 19200, 1.0
+sensor.write_register(410, 0x200, functioncode=16)  # checks the answer
+data = sensor.serial.read(16 * 50)
+sensor.serial.write(50 * bytes([0xFF]))
+print(json.dumps({"frames": data.hex()}))
+"""
+
+
+@pytest.mark.real_time
+def test_a_modbus_library_starts_the_stream_of_the_emulated_ft_300(tmp_path):
+    pytest.importorskip("minimalmodbus")
+    with served("cia402-ft300", tmp_path) as rig:
+        name = next(name for name, one in rig.devices.items() if one.kind == "ft300")
+        port = rig.sections.buses[rig.devices[name].bus].port
+        found = result_of(FT300, Path(port).resolve())
+    rejected: Counter[str] = Counter()
+    frames = [*Ft300Parser(rejected).feed(bytes.fromhex(found["frames"]))]
+    assert len(frames) == 50
+    assert not rejected
+    assert all(abs(frame.fz) < 0.5 for frame in frames)  # nothing touches the sensor
 
 
 NETFT = """
