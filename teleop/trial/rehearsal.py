@@ -32,7 +32,7 @@ from teleop.trial.other_programs import ProcessorUse
 from teleop.trial.realtime import realtime
 from teleop.trial.stop_switch import StopSwitch
 
-BEFORE_A_TRIAL = 0.2
+BEFORE_A_TRIAL = 0.1
 """Time for which the loop is measured before each trial in real time [s]."""
 ATTEMPTS = 3
 """Number of measurements before a trial is refused, because a short disturbance may be chance."""
