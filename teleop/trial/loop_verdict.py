@@ -128,6 +128,11 @@ class LoopVerdict(NamedTuple):
         return self.level != "no"
 
     @property
+    def fits(self) -> bool:
+        """Whether a tick fits into its period, which a short measurement can tell."""
+        return self.timing.typical <= SHARE / self.timing.rate
+
+    @property
     def margin(self) -> float:
         """Time by which the longest gap between two ticks was shorter than the watchdog [s]."""
         return self.watchdog - self.timing.longest_gap
