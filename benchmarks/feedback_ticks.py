@@ -114,7 +114,7 @@ def main() -> None:
     parser.add_argument("--attempts", type=int, default=1, help="until a trial is complete")
     parser.add_argument("--ticks", type=int, default=20000, help="paired ticks in virtual time")
     options = parser.parse_args()
-    run_module.check_rate = lambda settings: 0.0
+    run_module.check_rate = lambda settings, real: None
     run_module.check_wire = lambda rig, clock, cost: None
     print(
         f"on an emulated serial board in real time, channel {CHANNEL.text}, d = {DAMPING:g} N s/m"

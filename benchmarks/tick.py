@@ -136,7 +136,7 @@ def measure(case: str, seconds: float, rig: str) -> Durations:
     found: list[Probes] = []
     mean: list[float] = []
     run = Loop.run
-    run_module.check_rate = lambda settings: 0.0
+    run_module.check_rate = lambda settings, real: None
     run_module.check_wire = lambda rig, clock, cost: None
     settings = TrialSettings(
         condition="autonomous" if rig else "free",

@@ -310,6 +310,20 @@ class Device(ABC):
         """Return whether the answer to the last `ping` has been received."""
         return False
 
+    def about(self) -> Mapping[str, str]:
+        """Return what the device has stated about itself, such as its version, by name.
+
+        It is part of a report (`teleop rig report`). This method is called once, after the device
+        was set up and while its drives are out of operation. It may wait. The default method
+        returns nothing.
+
+        Raises
+        ------
+        RigError
+            The device does not answer.
+        """
+        return {}
+
     def stop(self) -> None:  # noqa: B027
         """End the communication with the device, before its port or bus is closed.
 

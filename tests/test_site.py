@@ -250,7 +250,9 @@ def works(command: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     if "run" in command:
         command = [*command, "--duration", "5" if "mimic" in command else "1", "--yes"]
     elif "check" in command:
-        command = [*command, "--seconds", "0.3", *(["--yes"] if "--move" in command else [])]
+        command = [word for word in command if word not in ("--duration", "5s")]
+        command += ["--seconds", "0.3", "--duration", "0.3"]
+        command += ["--yes"] if "--move" in command else []
     for _ in range(1 + REPEATS):
         code, error = main(command), capsys.readouterr().err
         if not busy_cause(error, on_devices=True):

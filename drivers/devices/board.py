@@ -143,6 +143,10 @@ class Board(SerialDevice):
             )
         self._started = True
 
+    def about(self) -> dict[str, str]:
+        """Return what the board has stated in its answer to HELLO."""
+        return {} if self.identity is None else {"identity": str(self.identity)}
+
     def _ask(self, kind: int, payload: bytes, answer: Callable[[], object]) -> bool:
         """Send a message repeatedly until `answer()` is true; return False after `PATIENCE`."""
         assert self._port

@@ -178,6 +178,18 @@ class Cia402(CanDevice, VelocityDrive):
         self.error = ""
         self._running = True
 
+    def about(self) -> dict[str, str]:
+        """Return the objects of the drive that the driver knows, by index and sub-index."""
+        from drivers.devices.cia402_setup import DriveSetup
+
+        assert self._bus
+        where = f"{self.name}: node {self.settings.node_id} on {self._bus.name}"
+        self._setup = DriveSetup(where, self._bus, self.settings)
+        try:
+            return self._setup.objects()
+        finally:
+            self._setup = None
+
     def _has_samples(self) -> bool:
         return NO_SAMPLE not in (self.samples["position"], self.samples["velocity"])
 

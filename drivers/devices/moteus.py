@@ -136,6 +136,17 @@ class Moteus(CanDevice):
                 f"{who}: in mode {mode} for {ANSWER:g} s: expected stopped, as requested"
             )
 
+    def about(self) -> dict[str, str]:
+        """Return model, serial number, and versions of firmware and register map."""
+        found = {register: int(value) for register, value in self._identity.items()}
+        serial = (found[Register.SERIAL], found[Register.SERIAL + 1], found[Register.SERIAL + 2])
+        return {
+            "model": f"{found[Register.MODEL]:x}",
+            "serial number": codec.serial_text(serial),
+            "firmware": codec.version_text(found[Register.FIRMWARE]),
+            "register map": str(found[Register.MAP_VERSION]),
+        }
+
     def _identified(self) -> bool:
         """Request the identity; return whether it is known."""
         if Register.SERIAL in self._identity and Register.MAP_VERSION in self._identity:

@@ -186,6 +186,11 @@ class ODrive(CanDevice, VelocityDrive):
                 "in the rig file"
             )
 
+    def about(self) -> dict[str, str]:
+        """Return the firmware version; firmware 0.5 does not state it."""
+        found = ".".join(map(str, self._version)) if self._version else "not stated"
+        return {"firmware": found}
+
     def receive(self, frame: CanFrame, time: float) -> None:
         """Process a CAN frame that the axis has sent. `time` is its time of arrival [s]."""
         if frame.is_remote_frame:

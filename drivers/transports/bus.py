@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
+import math
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
@@ -29,7 +30,17 @@ class Bus(ABC):
         """Function that `wait_for` calls with the time [s] to wait between two readings."""
         self.pump: Callable[[], object] = self.poll
         """Function that `wait_for` calls to read the bus. In a rig, it reads all buses."""
+        self.log: Callable[[str, str], object] | None = None
+        """Function that gets each transmission as text, after `<` (received) or `>` (sent)."""
         self._held = contextlib.ExitStack()
+
+    @property
+    def occupied(self) -> float:
+        """Time for which the line has carried data so far [s]; NaN if its bit rate is not known.
+
+        It is computed from the number of transmitted bits. Use differences of it.
+        """
+        return math.nan
 
     @abstractmethod
     def open(self) -> None:

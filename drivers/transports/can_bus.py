@@ -52,6 +52,17 @@ FD_MTU = 72
 """Smallest maximum transmission unit of a SocketCAN interface with CAN FD [bytes]."""
 
 
+BITS = tuple(47 + 8 * n + (33 + 8 * n) // 4 for n in range(9))
+"""Largest number of bits of a CAN frame with n data bytes, with stuff bits and interframe space."""
+EXTENDED_BITS = tuple(67 + 8 * n + (53 + 8 * n) // 4 for n in range(9))
+"""The same for a frame with an identifier of 29 bits."""
+FD_BITS = 30
+"""Number of bits of a CAN FD frame that are sent with the bit rate of the arbitration."""
+FD_EXTENDED_BITS = 48
+FD_CHECK_BITS = 30
+"""Largest number of bits of a CAN FD frame besides its data that are sent with their bit rate."""
+
+
 class CanBus(Bus):
     """A CAN bus. Each received frame is passed to the function registered for its identifier.
 
@@ -87,6 +98,7 @@ class CanBus(Bus):
         """Number of received frames."""
         self.errors = 0
         """Number of received error frames."""
+        self._bits = self._data_bits = 0
 
     def attach(
         self, identifiers: Iterable[int], receive: Callable[[CanFrame, float], object]
@@ -184,6 +196,9 @@ class CanBus(Bus):
         self.received += len(frames)
         wall, routes = time.time(), self._routes
         for frame in frames:
+            self._count(frame)
+            if self.log:
+                self.log("<", frame_text(frame))
             if frame.is_error_frame:
                 self.errors += 1
                 if frame.arbitration_id & BUS_OFF:
@@ -228,6 +243,25 @@ class CanBus(Bus):
         """Send a remote frame, which is a request for the data frame with the same identifier."""
         self._put(CanFrame(identifier, is_remote_frame=True, requested=length))
 
+    @property
+    def occupied(self) -> float:
+        """Time for which the frames of this computer and of its devices used the bus so far [s].
+
+        Each frame has the largest possible number of stuff bits.
+        """
+        if not self._bitrate:
+            return math.nan
+        return self._bits / self._bitrate + self._data_bits / (self._data_bitrate or self._bitrate)
+
+    def _count(self, frame: CanFrame) -> None:
+        """Add the bits of a frame to those that the bus has carried."""
+        size = 0 if frame.is_remote_frame else len(frame.data)
+        if frame.is_fd:
+            self._bits += FD_EXTENDED_BITS if frame.is_extended_id else FD_BITS
+            self._data_bits += (8 * size + FD_CHECK_BITS) * 5 // 4
+        elif size <= 8:
+            self._bits += (EXTENDED_BITS if frame.is_extended_id else BITS)[size]
+
     def transmit(self, devices: Sequence[Device]) -> None:
         """Let devices send their commands, and send the frames of all of them together."""
         queue: list[CanFrame] = []
@@ -239,6 +273,9 @@ class CanBus(Bus):
             self._send_all(queue)
 
     def _put(self, frame: CanFrame) -> None:
+        self._count(frame)
+        if self.log:
+            self.log(">", frame_text(frame))
         if self._queue is None:
             self._send_all((frame,))
         else:
@@ -264,3 +301,11 @@ class CanBus(Bus):
     def _gone(self, error: Exception) -> RigError:
         where = "" if self.interface == "slcan" else f"CAN bus {self.channel} ({self.interface}): "
         return RigError(f"{self.name}: {where}{reason(error)}")
+
+
+def frame_text(frame: CanFrame) -> str:
+    """Return a frame in the form of candump: identifier, #, and the bytes or R (remote frame)."""
+    digits = 8 if frame.is_extended_id else 3
+    kind = "E" if frame.is_error_frame else "R" if frame.is_remote_frame else ""
+    mark = "##0" if frame.is_fd else "#"
+    return f"{frame.arbitration_id:0{digits}X}{mark}{kind or frame.data.hex()}"

@@ -16,6 +16,7 @@ from teleop.recording.recording_file import RecordingFile, recorded_ticks
 from teleop.settings.trial_settings import TrialSettings
 from teleop.streams.columns import Layout
 from teleop.streams.stream import STORED, Stream
+from teleop.trial.loop_verdict import LoopVerdict
 from teleop.trial.metadata import session_metadata
 from teleop.trial.readers import Outcome, Readers, ReadersInLoop, ReadersInProcesses
 from teleop.trial.stop_switch import StopSwitch
@@ -43,9 +44,10 @@ class Outputs:
         overwrite: bool,
         show: bool,
         viewers: Sequence[Viewer] = (),
+        checked: LoopVerdict | None = None,
     ) -> None:
         self._record = record
-        self._metadata = session_metadata(settings)
+        self._metadata = session_metadata(settings, checked)
         self._start = 0
         self._before = round((BEFORE + AFTER) * settings.loop_rate) + 1
         self._viewers = viewers
