@@ -147,7 +147,11 @@ def find_lost_motion(
         return None
     regressors = Regressors(rows)
     plain = regressors.fits(record.raw_x[None], np.zeros(1), "")
-    if min(beyond_noise(one, record) for one in plain) == 0.0:
+    # a hysteresis cannot be clearly better than a model that leaves only noise, except by replacing
+    # several of its parameters: many powers of the position can also describe lost motion
+    fewest = min(one.parameters for one in plain) + 1
+    most = fewest + LOST_MOTION_BIC / math.log(len(rows.index))
+    if any(one.parameters < most and beyond_noise(one, record) == 0.0 for one in plain):
         return None
     found = []
     for shape, parts in SHAPES.items():
