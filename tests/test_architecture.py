@@ -16,13 +16,16 @@ import estimation
 
 ROOT = Path(__file__).parents[1]
 ALLOWED = {
-    "estimation": {"numpy", "scipy", "numba", "pandas", "matplotlib"},
+    "telepalpation": {"teleop"},
+    "estimation": {"telepalpation", "numpy", "scipy", "numba", "pandas", "matplotlib"},
     "drivers": {
+        "telepalpation",
         *("hypothesis", "numpy", "serial", "can", "pydantic"),
         *("canopen", "cantools", "websockets"),
     },
     "sim_backend": {"drivers", "numpy", "scipy", "pydantic", "can", "cantools", "tomlkit"},
     "teleop": {
+        "telepalpation",
         "estimation",
         "drivers",
         "sim_backend",

@@ -27,7 +27,7 @@ def export(
         File to write. The extension .csv, .h5, .mat or .parquet selects the format. Default: the
         name of the recording with the extension .csv. The settings of the run are stored in the
         same file or, for CSV, in a second file NAME.csv-metadata.json. HDF5 and Parquet need
-        `pip install '.[export]'`.
+        `pip install 'telepalpation[export]'`.
     """
     from teleop.files import check_outputs
     from teleop.output import console

@@ -219,9 +219,10 @@ def free_port(port: int) -> int:
 def check_installed() -> None:
     """Raise InputError if the package that serves the live page is not installed."""
     from teleop.errors import InputError
+    from telepalpation import needs
 
     if find_spec("websockets") is None:
-        raise InputError("the live page needs the package websockets: pip install 'teleop[live]'")
+        raise InputError(needs("the live page", "websockets", "live"))
 
 
 def show_address(url: str, host: str, open_page: bool) -> None:

@@ -21,6 +21,7 @@ from teleop.recording.mcap_checks import check_memory
 from teleop.recording.message import CDR, FIELD, tick_values
 from teleop.recording.sinks import reported_fault
 from teleop.recording.stream import OF_GAPS, RecordingStream, dropped_in_all
+from telepalpation import needs
 
 if TYPE_CHECKING:
     import pandas
@@ -127,7 +128,10 @@ class Recording:
         ImportError
             pandas is not installed.
         """
-        import pandas
+        try:
+            import pandas
+        except ImportError as error:
+            raise ImportError(needs("a data frame", "pandas", "notebook")) from error
 
         columns = {name: values for name, values in self.columns.items() if name != "time"}
         return pandas.DataFrame(columns, index=pandas.Index(self["time"], name="time"))

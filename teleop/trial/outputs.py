@@ -140,7 +140,7 @@ class Outputs:
         """Write the ticks around a fault, and its report, to a folder beside the recording."""
         if not (self._record and self._box.fault):
             return
-        from teleop.output.fault_report import write_fault_report  # matplotlib: after the loop
+        from teleop.output.fault_report import draw_fault_report, write_fault_report
 
         folder = self._record.with_suffix(FAULT_REPORT)
         try:
@@ -149,8 +149,10 @@ class Outputs:
             except OSError as error:
                 raise unwritable(folder, error) from error
             self._box.write(folder / "ticks.mcap", self._metadata, self._start)
-            write_fault_report(folder, self._box.recording(self._metadata), self._box.fault)
+            recording = self._box.recording(self._metadata)
+            write_fault_report(folder, recording, self._box.fault)
             self.black_box = folder
+            draw_fault_report(folder, recording, self._box.fault)
         except InputError as problem:
             self.black_box_problem = f"black box: {problem}"
 
