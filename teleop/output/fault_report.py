@@ -58,6 +58,7 @@ def fault_text(recording: Recording, fault: dict[str, Any]) -> str:
             for name in LISTED
             if name in recording.units
         ]
+    lines += ["", f"software  {recording.session.get('software', 'not known')}"]
     stopped = stopping_time(recording, fault)
     lines += ["", "stop", f"  commanded speed zero after {stopped * 1e3:.1f} ms"]
     before = (t > fault["time"] - BEFORE) & (t <= fault["time"])

@@ -11,6 +11,7 @@ from importlib.metadata import PackageNotFoundError, version
 
 from drivers.registry import device_class
 from teleop.json_documents import dumps
+from teleop.recording.schema import KEY, SCHEMA
 from teleop.settings.documents import to_document
 from teleop.settings.trial_settings import TrialSettings
 from teleop.software import software
@@ -43,6 +44,7 @@ def session_metadata(settings: TrialSettings) -> dict[str, dict[str, str]]:
     return {
         "session": {
             "software": f"teleop {software()}",
+            KEY: str(SCHEMA),
             "python": platform.python_version(),
             "libraries": libraries(),
             "machine": f"{platform.node()}, {platform.platform()}",

@@ -345,6 +345,7 @@ class Trial(Presented):
             "operator": settings.operator,
             "notes": settings.notes,
             "rig": settings.rig_name,
+            "software": self.ticks.session["software"],
             "hand_force": settings.hand_force_source,
             "observer": self.observer(),
             "estimated_channels": list(estimated_channels(settings)),
