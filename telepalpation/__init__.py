@@ -39,9 +39,10 @@ def package_problem() -> str:
     """Return which package is not that of this distribution, and what to do; empty if all are."""
     for name, word in PACKAGES.items():
         spec = find_spec(name)
-        if spec is None or spec.origin is None:
+        if spec is None:
             return f"the package {name} is missing in {FOLDER}: expected {repair()}"
-        place = Path(spec.origin)
+        # a folder without code has no origin, and hides a package of an editable installation
+        place = Path(spec.origin or [*spec.submodule_search_locations or ()][0])
         own = FOLDER / name / "__init__.py"
         if place != own and place.resolve() != own.resolve():
             return (

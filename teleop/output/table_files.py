@@ -132,7 +132,7 @@ def write_table_file(
     if path.suffix.lower() == ".csv":
         text = csv_text([{**row, "software": by} for row in tidy])
     elif path.suffix.lower() == ".tex":
-        text = "\n".join([f"% {by}", *map(latex_text, tables)])
+        text = "\n".join([*map(latex_text, tables), f"% {by}\n"])
     else:
         text = "\n".join([*map(markdown_text, tables), f"<!-- {by} -->\n"])
     write_text(path, text, overwrite)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import os
 import re
 import shutil
 import subprocess
 import sys
+from importlib.machinery import ModuleSpec
 from pathlib import Path
 
 import pytest
@@ -16,19 +18,19 @@ from telepalpation import FOLDER, PACKAGES, needs, package_problem
 OTHER = '"""Drivers of a laboratory."""\n'
 
 
-def script(folder: Path, code: str) -> subprocess.CompletedProcess[str]:
+def script(folder: Path) -> subprocess.CompletedProcess[str]:
     """Run a script, whose folder is the first that Python searches for packages."""
-    (folder / "script.py").write_text(code)
-    return subprocess.run(
-        [sys.executable, folder / "script.py"], capture_output=True, text=True, check=False
-    )
+    (folder / "script.py").write_text("from teleop import Rig")
+    asked = [sys.executable, folder / "script.py"]
+    env = {**os.environ, "PYTHONPATH": str(FOLDER)}
+    return subprocess.run(asked, capture_output=True, text=True, check=False, env=env)
 
 
 @pytest.mark.parametrize("name", ["drivers/__init__.py", "drivers.py"])
 def test_a_script_beside_other_drivers_is_told_which_file_hides_ours(tmp_path, name):
     (tmp_path / name).parent.mkdir(exist_ok=True)
     (tmp_path / name).write_text(OTHER)
-    ended = script(tmp_path, "from teleop import Rig")
+    ended = script(tmp_path)
     assert ended.returncode == 1
     line = ended.stderr.splitlines()[-1]
     assert line.startswith(f"ImportError: {tmp_path / name} hides the package drivers of telepalp")
@@ -38,7 +40,14 @@ def test_a_script_beside_other_drivers_is_told_which_file_hides_ours(tmp_path, n
 def test_a_folder_without_code_beside_a_script_hides_nothing(tmp_path):
     (tmp_path / "drivers").mkdir()
     (tmp_path / "drivers" / "notes.txt").touch()
-    assert script(tmp_path, "import teleop").returncode == 0
+    assert script(tmp_path).returncode == 0
+
+
+def test_a_folder_without_code_that_hides_a_package_is_named(monkeypatch, tmp_path):
+    spec = ModuleSpec("drivers", None, is_package=True)
+    spec.submodule_search_locations = [str(tmp_path / "drivers")]
+    monkeypatch.setattr(telepalpation, "find_spec", lambda name: spec)
+    assert package_problem().startswith(f"{tmp_path / 'drivers'} hides the package drivers of")
 
 
 @pytest.fixture
