@@ -42,7 +42,7 @@ def package_problem() -> str:
         if spec is None:
             return f"the package {name} is missing in {FOLDER}: expected {repair()}"
         # a folder without code has no origin, and hides a package of an editable installation
-        place = Path(spec.origin or [*spec.submodule_search_locations or ()][0])
+        place = Path(spec.origin or next(iter(spec.submodule_search_locations or ())))
         own = FOLDER / name / "__init__.py"
         if place != own and place.resolve() != own.resolve():
             return (
