@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import os
 import socket
 import sys
 from collections.abc import Iterator, Sequence
@@ -92,7 +91,9 @@ class LiveOptions:
 
         It is ended after the `with` block, if it does not serve the live page.
         """
-        if not self.live or os.name != "posix" or find_spec("websockets") is None:
+        from drivers.posix import is_posix
+
+        if not self.live or not is_posix() or find_spec("websockets") is None:
             yield None
             return
         from teleop.trial.child_process import LIVE_PROCESS, ChildProcess

@@ -13,6 +13,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+from drivers.posix import is_posix, posix_module
 from estimation.estimator import LEVEL_95
 from estimation.misfit import LARGEST_MISFIT
 from teleop.errors import InputError, reason
@@ -73,7 +74,7 @@ class RecorderProcess(Sink):
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 bufsize=0,
-                start_new_session=os.name == "posix",
+                start_new_session=is_posix(),
             )
         except OSError as error:
             raise InputError(f"the recorder process cannot be started: {reason(error)}") from error
@@ -114,9 +115,8 @@ class RecorderProcess(Sink):
             raise InputError(f"{self.path or 'progress line'}: recording failed: {cause}")
         with contextlib.suppress(BrokenPipeError):
             os.write(self._pipe, number_frame(BEGIN, start))
-        if sys.platform == "linux":
-            import fcntl
-
+        fcntl = posix_module("fcntl")
+        if fcntl and hasattr(fcntl, "F_SETPIPE_SZ"):  # Linux
             fcntl.fcntl(self._pipe, fcntl.F_SETPIPE_SZ, PIPE_SIZE)
         if not self._wait and hasattr(os, "set_blocking"):
             os.set_blocking(self._pipe, False)

@@ -7,10 +7,10 @@ In real time, another process evaluates it: even a thread would delay the loop.
 from __future__ import annotations
 
 import contextlib
-import os
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
+from drivers.posix import is_posix, needs_posix
 from teleop.control.wanted_precision import WantedPrecision
 from teleop.errors import InputError, reason
 from teleop.live.ring import RingWriter, ring_size
@@ -115,8 +115,8 @@ class PrecisionProcess(Precision):
     """Lets another process evaluate the record of a trial in real time."""
 
     def _open(self, layout: Layout, rate: float) -> None:
-        if os.name != "posix":
-            raise InputError("until: expected Linux or macOS, or clock virtual")
+        if not is_posix():
+            raise InputError(f"{needs_posix('until')}, or clock virtual")
         size = round(STORED * rate), layout.size
         try:
             self._file = SharedFile.create(ring_size(*size))

@@ -22,6 +22,7 @@ from teleop.recording.sinks import Outcome
 from teleop.safety import Mode
 from teleop.safety.events import EXCITATION, Fault, time_text
 from teleop.settings.trial_settings import TrialSettings
+from teleop.software import software
 from teleop.trial.metadata import estimated_channels
 from teleop.trial.precision import SOURCE as PRECISION
 from teleop.trial.recorded_trial import recorded_truth, tracked_ticks, tracking_of, truth
@@ -345,7 +346,7 @@ class Trial(Presented):
             "operator": settings.operator,
             "notes": settings.notes,
             "rig": settings.rig_name,
-            "software": self.ticks.session["software"],
+            "software": f"teleop {software()}",
             "hand_force": settings.hand_force_source,
             "observer": self.observer(),
             "estimated_channels": list(estimated_channels(settings)),
