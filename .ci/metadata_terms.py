@@ -29,6 +29,7 @@ def names(part: Any) -> set[str]:
 
 
 def main() -> int:
+    """Print the terms that the vocabulary does not have; return whether there are some."""
     document = json.loads(DOCUMENT.read_text())
     stated = names(document)
     document["@context"] = VOCABULARY["@context"]
