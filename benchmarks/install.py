@@ -105,7 +105,7 @@ def main() -> None:
 
 def run(*command: object) -> None:
     """Run a command in the folder of temporary files."""
-    subprocess.run([*map(str, command)], check=True, stderr=subprocess.DEVNULL)
+    subprocess.run([*map(str, command)], check=True, capture_output=True)
 
 
 if __name__ == "__main__":
