@@ -1,10 +1,10 @@
 """Size of an installation, and what each part adds to it: `python benchmarks/install.py`.
 
-The wheel of this checkout is installed in new environments, without extras and with each extra. The
-sizes are those of all files of the installed packages with their bytecode, without pip. For the
-packages that could be left out of the core, the benchmark states the size of all files that only
-they need, and the time to import them in an empty Python process, in turn with one that imports
-numpy.
+The wheel of this checkout is installed in a new environment with all extras. The size of an
+installation with fewer extras is that of all packages which it needs: their files with bytecode,
+without pip. For packages that only some users need, or that are large, the benchmark states the
+size of all files that only they need, and the time to import them in an empty Python process, in
+turn with one that imports numpy.
 """
 
 from __future__ import annotations
@@ -18,94 +18,108 @@ from collections.abc import Sequence
 from datetime import date
 from pathlib import Path
 from statistics import median
+from typing import NamedTuple
 
 ROOT = Path(__file__).parents[1]
-EXTRAS = ("", "plot", "live", "export", "formats", "fast", "notebook", "stats", "sweep", "all")
+NAME = "telepalpation"
+EXTRAS = ("plot", "live", "export", "formats", "fast", "notebook", "stats", "sweep")
 PARTS = {
     "matplotlib": ("matplotlib",),
     "canopen, cantools": ("canopen", "cantools"),
     "foxglove-sdk": ("foxglove-sdk",),
     "scipy": ("scipy",),
 }
-"""Packages that only some users need, or that are large."""
 MODULES = {"foxglove-sdk": "foxglove"}
-LIST = """
+LIST = r"""
 import importlib.metadata as metadata, json, os, re
-named = lambda text: re.split(r"[^\\w.-]", text, maxsplit=1)[0].lower().replace("_", "-")
+named = lambda text: re.split(r"[^\w.-]", text, maxsplit=1)[0].lower().replace("_", "-")
 found = {}
 for one in metadata.distributions():
     places = map(one.locate_file, one.files or ())
     size = sum(os.path.getsize(place) for place in places if os.path.exists(place))
-    needed = [named(text) for text in one.requires or () if "extra ==" not in text]
-    found[named(one.metadata["Name"])] = size, needed
+    needs = {}
+    for text in one.requires or ():
+        extra = re.search(r"extra == .(\w+)", text)
+        needs.setdefault(extra[1] if extra else "", []).append(named(text))
+    found[named(one.metadata["Name"])] = size, needs
 print(json.dumps(found))
 """
 """Prints size and requirements of each installed distribution, as JSON."""
 TIMES = 5
 
 
-def installed(python: Path) -> dict[str, tuple[int, list[str]]]:
-    """Return size [bytes] and requirements of the packages in an environment, without pip."""
-    printed = subprocess.run([python, "-c", LIST], check=True, capture_output=True, text=True)
-    found = json.loads(printed.stdout)
-    return {name: about for name, about in found.items() if name not in ("pip", "setuptools")}
+class Package(NamedTuple):
+    """An installed package."""
+
+    size: int
+    """Size of its files [bytes]."""
+    needs: dict[str, list[str]]
+    """Names of the packages that it needs, by the extra; "" for those that it always needs."""
 
 
-def needed(packages: dict[str, tuple[int, list[str]]], without: Sequence[str] = ()) -> set[str]:
-    """Return the packages that core and figures need, if they do not need some of them."""
+Packages = dict[str, Package]
+
+
+def needed(packages: Packages, extras: Sequence[str], without: Sequence[str] = ()) -> set[str]:
+    """Return the packages of an installation, if it does not need some of them."""
     reached: set[str] = set()
-    waiting = ["telepalpation", "matplotlib"]
+    waiting = [NAME, *(name for extra in extras for name in packages[NAME].needs[extra])]
     while waiting:
         name = waiting.pop()
         if name in packages and name not in reached and name not in without:
             reached.add(name)
-            waiting += packages[name][1]
+            waiting += packages[name].needs.get("", [])
     return reached
 
 
-def megabytes(packages: dict[str, tuple[int, list[str]]], names: set[str]) -> float:
+def megabytes(packages: Packages, names: set[str]) -> float:
     """Return the size of some packages [MB]."""
-    return sum(packages[name][0] for name in names) / 1e6
+    return sum(packages[name].size for name in names) / 1e6
 
 
-def import_time(python: Path, module: str) -> float:
-    """Return the median time of a process that imports a module [s]."""
+def import_time(python: Path, modules: str) -> float:
+    """Return the median time of a process that imports modules [s]."""
     times = []
     for _ in range(TIMES + 1):
         begin = time.perf_counter()
-        subprocess.run([python, "-c", f"import {module}"], check=True)
+        run(python, "-c", f"import {modules}")
         times.append(time.perf_counter() - begin)
     return median(times[1:])
 
 
+def run(*command: object) -> str:
+    """Run a command, and return what it prints."""
+    ended = subprocess.run([*map(str, command)], check=True, capture_output=True, text=True)
+    return ended.stdout
+
+
 def main() -> None:
     print(f"# python benchmarks/install.py, {date.today()}, Python {sys.version.split()[0]}")
-    print("extra        packages     size")
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        run(sys.executable, "-m", "build", "-q", "--wheel", "--outdir", folder, ROOT)
+        run(sys.executable, "-m", "build", "--wheel", "--outdir", folder, ROOT)
         (wheel,) = folder.glob("*.whl")
-        for extra in EXTRAS:
-            python = folder / f"with-{extra}" / "bin" / "python"
-            run(sys.executable, "-m", "venv", python.parents[1])
-            run(python, "-m", "pip", "install", "-q", f"{wheel}[{extra}]" if extra else wheel)
-            packages = installed(python)
-            size = megabytes(packages, set(packages))
-            print(f"{extra or '(none)':12} {len(packages):8} {size:5.0f} MB", flush=True)
-        print("\npart               packages     size  import, and numpy")
+        python = folder / "environment" / "bin" / "python"
+        run(sys.executable, "-m", "venv", python.parents[1])
+        run(python, "-m", "pip", "install", "-q", f"{wheel}[all]")
+        packages = {key: Package(*one) for key, one in json.loads(run(python, "-c", LIST)).items()}
+        print("extra        packages     size")
+        for title, extras in {
+            "(none)": (),
+            **{one: (one,) for one in EXTRAS},
+            "all": EXTRAS,
+        }.items():
+            found = needed(packages, extras)
+            print(f"{title:12} {len(found):8} {megabytes(packages, found):5.0f} MB")
+        print("\npart               packages     size   import    numpy")
         for part, names in PARTS.items():
-            only = needed(packages) - needed(packages, names)
-            modules = ", ".join(MODULES.get(name, name) for name in names)
-            both = import_time(python, modules), import_time(python, "numpy")
+            only = needed(packages, EXTRAS) - needed(packages, EXTRAS, names)
+            modules = ", ".join(MODULES.get(one, one) for one in names)
+            times = import_time(python, modules), import_time(python, "numpy")
             print(
-                f"{part:18} {len(only):8} {megabytes(packages, only):5.1f} MB "
-                f"{both[0]:6.2f} s {both[1]:6.2f} s"
+                f"{part:18} {len(only):8} {megabytes(packages, only):5.1f} MB"
+                f" {times[0]:6.2f} s {times[1]:6.2f} s"
             )
-
-
-def run(*command: object) -> None:
-    """Run a command in the folder of temporary files."""
-    subprocess.run([*map(str, command)], check=True, capture_output=True)
 
 
 if __name__ == "__main__":
