@@ -143,7 +143,7 @@ def commands(parent: App, path: tuple[str, ...] = ()) -> dict[tuple[str, ...], s
 
 COMMANDS = commands(app)
 SCRIPTS = "".join(path.read_text(encoding="utf-8") for path in ROOT.glob("benchmarks/*.py"))
-OPTIONS = {"--help", "--install-completion"}.union(
+OPTIONS = {"--help", "--install-completion", "--version"}.union(
     *COMMANDS.values(), re.findall(r'"(--[a-z-]+)"', SCRIPTS)
 )
 """Every option of every command, and of every benchmark."""

@@ -16,6 +16,7 @@ import time
 import serial
 
 from drivers.claims import lock_holder, process_text
+from drivers.posix import is_posix
 
 CHUNK = 65_536
 """Largest number of bytes per read. One read returns all waiting bytes, which are always fewer."""
@@ -137,6 +138,6 @@ def open_port(channel: str, baud: int) -> PortablePort:
     with contextlib.suppress(AttributeError, NotImplementedError, ValueError, OSError):
         port.set_low_latency_mode(True)
     with contextlib.suppress(io.UnsupportedOperation):
-        if os.name == "posix":
+        if is_posix():
             return DescriptorPort(port)
     return PortablePort(port)

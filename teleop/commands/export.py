@@ -29,7 +29,7 @@ def export(
         File to write. The extension .csv, .h5, .mat or .parquet selects the format. Default: the
         name of the recording with the extension .csv. The settings of the run are stored in the
         same file or, for CSV, in a second file NAME.csv-metadata.json. HDF5 and Parquet need
-        `pip install '.[export]'`.
+        `pip install 'telepalpation[export]'`.
     bids
         Folder of a data set in the layout Motion-BIDS, to which the recording is added, in place of
         --out. The folder is created if needed.

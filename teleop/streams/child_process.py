@@ -10,6 +10,7 @@ import sys
 import threading
 from typing import Any
 
+from drivers.posix import is_posix
 from teleop.errors import InputError, reason
 from teleop.json_documents import dumps, loads
 
@@ -46,7 +47,7 @@ class ChildProcess:
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 bufsize=0,
-                start_new_session=os.name == "posix",
+                start_new_session=is_posix(),
             )
         except OSError as error:
             raise InputError(f"{what}: cannot be started: {reason(error)}") from error

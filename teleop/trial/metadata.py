@@ -11,6 +11,7 @@ from importlib.metadata import PackageNotFoundError, version
 
 from drivers.registry import device_class
 from teleop.json_documents import dumps
+from teleop.recording.schema import KEY, SCHEMA
 from teleop.settings.documents import to_document
 from teleop.settings.trial_settings import TrialSettings
 from teleop.software import software
@@ -56,6 +57,7 @@ def session_metadata(
     return {
         "session": {
             **versions(),
+            KEY: str(SCHEMA),
             "created": datetime.now().astimezone().isoformat(timespec="seconds"),
             "seed": str(settings.seed),
             "rig": settings.rig_name,

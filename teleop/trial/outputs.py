@@ -124,7 +124,7 @@ class Outputs:
         """Write the ticks around a fault, and its report, to a folder beside the recording."""
         if not (self._record and self.fault):
             return
-        from teleop.output.fault_report import write_fault_report  # matplotlib: after the loop
+        from teleop.output.fault_report import draw_fault_report, write_fault_report
 
         folder = self._record.with_suffix(FAULT_REPORT)
         kept = self._kept(self.stream.newest + 1 - self._before)
@@ -137,6 +137,7 @@ class Outputs:
             write_black_box(folder / "ticks.mcap", columns, kept, self._metadata, self._start)
             write_fault_report(folder, kept, self.fault)
             self.black_box = folder
+            draw_fault_report(folder, kept, self.fault)
         except InputError as problem:
             self.black_box_problem = f"black box: {problem}"
 

@@ -21,6 +21,7 @@ from teleop.recording.recording_file import RecordingFile
 from teleop.safety import Mode
 from teleop.safety.events import EXCITATION, Fault, time_text
 from teleop.settings.trial_settings import TrialSettings
+from teleop.software import software
 from teleop.streams.columns import OBSERVED
 from teleop.trial.metadata import estimated_channels
 from teleop.trial.precision import SOURCE as PRECISION
@@ -358,6 +359,7 @@ class Trial(Presented):
             "operator": settings.operator,
             "notes": settings.notes,
             "rig": settings.rig_name,
+            "software": f"teleop {software()}",
             "hand_force": settings.hand_force_source,
             "observer": self.observer(),
             "estimated_channels": list(estimated_channels(settings)),

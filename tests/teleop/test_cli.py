@@ -6,13 +6,13 @@ import os
 import re
 import subprocess
 import sys
-from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from teleop.cli import app, main
+from telepalpation import __version__
 
 RUN = ["run", "--clock", "virtual", "--duration", "0.5", "--no-record"]
 SLOW = ("--rate", "100")
@@ -270,7 +270,7 @@ def test_a_script_completes_commands_and_options_in_a_shell():
 
 def test_version_is_the_packages(capsys):
     assert main(["--version"]) == 0
-    assert capsys.readouterr().out.startswith(version("teleop"))
+    assert capsys.readouterr().out.startswith(__version__)
 
 
 def test_help_imports_nothing_heavy():
