@@ -33,6 +33,7 @@ import struct
 import subprocess
 import sys
 import tempfile
+import time
 from datetime import date
 from itertools import product
 from pathlib import Path
@@ -139,12 +140,15 @@ def measure(path: Path, seconds: float, estimators: str, rate: float) -> bool:
     trial = WatchedTrial(__file__, *command, "--estimators", estimators)
     try:
         trial.wait_until_armed()
-        asyncio.run(asyncio.sleep(WARM))
+        time.sleep(WARM)
         before, begin, first = shares(trial), now(), trial.stream.ticks.newest
         page, behind = asyncio.run(watch(trial, seconds))
         used = {name: used - before[name] for name, used in shares(trial).items()}
         passed = now() - begin
         end = trial.wait()
+    except OSError:  # the trial has ended
+        print(f"\n{estimators} estimators, {rate:g} Hz: ended early: {trial.wait()}", flush=True)
+        return False
     finally:
         trial.process.kill()
         trial.clean_up()
