@@ -279,7 +279,7 @@ def bound(target: str, page: str) -> float:
     if target == "controller":
         return WATCHDOG + LATEST
     if target == "recorder":
-        return CHECK / RATE + RAMP + LATEST
+        return CHECK + RAMP + LATEST
     return PROCESS_SILENCE + RAMP + LATEST if (target, page) == (LIVE, "arms") else 0.0
 
 

@@ -180,7 +180,7 @@ def wrong_end(
             problems.append(f"ended after {stop - armed:.3f} s")
     else:
         took = stop - columns["time"][begin - 1]
-        if took > CHECK / RATE + BRAKING_TIME + LATE:
+        if took > CHECK + BRAKING_TIME + LATE:
             problems.append(f"ended {took * 1e3:.0f} ms after the kill")
     steps = np.abs(np.diff(columns["commanded_slave_velocity"]))
     largest = TrialSettings().limits.max_acceleration * columns["dt"][1:]

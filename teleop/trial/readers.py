@@ -7,6 +7,7 @@ loop.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
@@ -32,8 +33,8 @@ MODULES = {
     "evaluation": "teleop.trial.precision",
 }
 """Modules of the processes."""
-CHECK = 100
-"""Number of ticks between two checks whether the other processes run."""
+CHECK = 0.1
+"""Time between two checks whether the other processes run [s]."""
 LATE = 1.0
 """Delay of the estimates above which an event states it [s]."""
 CLOSING = 20.0
@@ -177,7 +178,7 @@ class ReadersInProcesses(ReadersOfTrial):
     ) -> None:
         super().__init__(stream, settings, recording["path"] if recording else None)
         self._late = LATE * settings.loop_rate
-        self._ticks = 0
+        self._ticks, self._every = 0, math.ceil(CHECK * settings.loop_rate)
         self._is_late = False
         self._ended: set[str] = set()
         """Names of the processes that have ended during the trial."""
@@ -208,9 +209,9 @@ class ReadersInProcesses(ReadersOfTrial):
             recorder.tell({"start": start})
 
     def after_tick(self, record: Record) -> None:
-        """Look for messages of the processes, and whether they run, once per `CHECK` ticks."""
+        """Look for messages of the processes, and whether they run, once per `CHECK` seconds."""
         self._ticks += 1
-        if self._ticks % CHECK:
+        if self._ticks % self._every:
             return
         self._time, self._mode = record.t, record.mode
         for name, process in self._processes.items():

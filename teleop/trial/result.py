@@ -187,6 +187,15 @@ class Trial(Presented):
         return next((e for e in self.ticks.events if e["mode"] == "active"), None)
 
     @property
+    def without_estimates(self) -> str:
+        """Text that states why estimates are missing, and how to compute them; empty if none are."""
+        if not self.estimation_failure:
+            return ""
+        path = self.outcome.path
+        where = f"teleop estimate {path}" if path else "teleop estimate, from a recording,"
+        return f"the estimates are not complete: {self.estimation_failure}; {where} computes them"
+
+    @property
     def incomplete(self) -> str:
         """Text that states which data are missing in the files of the trial; empty if none are."""
         path, dropped, problem, _ = self.outcome
@@ -198,11 +207,6 @@ class Trial(Presented):
             problems.append(f"{path}: {missing}")
         if self.black_box_problem:
             problems.append(self.black_box_problem)
-        if self.estimation_failure:
-            where = f"teleop estimate {path}" if path else "teleop estimate, from a recording,"
-            problems.append(
-                f"the estimates are not complete: {self.estimation_failure}; {where} computes them"
-            )
         return "; ".join(problems)
 
     def plot(

@@ -32,7 +32,7 @@ SETTINGS = TrialSettings(condition="autonomous", rate=100.0, duration=1.5, estim
 @pytest.fixture(autouse=True)
 def often(monkeypatch):
     """Look for messages of the readers as often as a loop of 1 kHz does."""
-    monkeypatch.setattr("teleop.trial.readers.CHECK", 10)
+    monkeypatch.setattr("teleop.trial.readers.CHECK", 0.1)
 
 
 @pytest.fixture
@@ -99,7 +99,7 @@ def test_the_trial_goes_on_if_the_estimation_is_killed(at, tmp_path):
     assert not trial.interrupted
     assert trial.estimation_failure == "the estimation was killed"
     assert notes(trial) == ["no further estimates: the estimation was killed"]
-    assert trial.incomplete == (
+    assert trial.without_estimates == (
         "the estimates are not complete: the estimation was killed; "
         f"teleop estimate {path} computes them"
     )
