@@ -188,7 +188,7 @@ class Trial(Presented):
 
     @property
     def without_estimates(self) -> str:
-        """Text that states why estimates are missing, and how to compute them; empty if none are."""
+        """Text that states why estimates are missing, and what computes them; else empty."""
         if not self.estimation_failure:
             return ""
         path = self.outcome.path

@@ -29,12 +29,6 @@ SETTINGS = TrialSettings(condition="autonomous", rate=100.0, duration=1.5, estim
 """A low rate, so that a busy machine can run the trial."""
 
 
-@pytest.fixture(autouse=True)
-def often(monkeypatch):
-    """Look for messages of the readers as often as a loop of 1 kHz does."""
-    monkeypatch.setattr("teleop.trial.readers.CHECK", 0.1)
-
-
 @pytest.fixture
 def at(monkeypatch):
     """Return a function that acts once on the processes of the readers of each trial.
