@@ -48,7 +48,7 @@ from drivers.wired_rig import WiredRig
 from teleop.control.clock import RealClock
 from teleop.trial.realtime import realtime
 
-RIGS = ("serial-board", "odrive-bota", "cia402-ft300", "ati-netft", "dynamixel")
+RIGS = ("serial-board", "odrive-bota", "cia402-ft300")
 RATE = 1000.0
 WARM = 500
 """Number of ticks before the measured ticks."""

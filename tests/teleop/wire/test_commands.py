@@ -12,6 +12,7 @@ import threading
 import time
 import zipfile
 from pathlib import Path
+from unittest.mock import Mock
 
 import can
 import pytest
@@ -248,7 +249,7 @@ def used_bus(tmp_path, monkeypatch):
     (tmp_path / "rig.toml").write_text(text.replace("/dev/ttyACM0", channel))
     (tmp_path / "plan.toml").write_text(PLAN)
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(can, "Bus", lambda **options: None)
+    monkeypatch.setattr(can, "Bus", lambda **options: Mock())
     bus = CanBus("can", time.monotonic, "socketcan", channel, None, {})
     bus.open()
     monkeypatch.setattr(can, "Bus", lambda **options: pytest.fail("the bus was opened"))
