@@ -52,6 +52,9 @@ class LoopTiming(NamedTuple):
     longest_gap: float
     """Longest time between two ticks."""
     others: OtherPrograms
+    work: float
+    """The same percentile of the processor times of the ticks. It does not contain the time in
+    which other programs had the processor."""
     fault: str = ""
     """Fault that the timing of the loop has caused; empty if there was none."""
 
@@ -64,13 +67,16 @@ class LoopTiming(NamedTuple):
         busy: Floats,
         reading: Floats,
         others: OtherPrograms,
+        work: Floats | None = None,
     ) -> Self:
         """Return the statistics of successive ticks; each array has the shape (n,).
 
-        The duration of a tick is known at the next tick: `busy` is that of the tick before.
+        The duration of a tick is known at the next tick: `busy` and `work` are those of the tick
+        before. Default of `work`: `busy`.
         """
         gaps = (1.0 + skipped[1:]) / rate + np.diff(lateness)
         busy = busy[1:] if len(busy) > 1 else busy
+        work = busy if work is None else work[1:] if len(work) > 1 else work
         return cls(
             rate,
             float(np.sum(gaps)),
@@ -83,6 +89,7 @@ class LoopTiming(NamedTuple):
             percentiles(reading) if len(reading) else None,
             float(np.max(gaps, initial=0.0)),
             others,
+            percentile(work, TYPICAL),
         )
 
     @property
@@ -106,6 +113,7 @@ class LoopTiming(NamedTuple):
             "lateness_us": microseconds(self.lateness),
             "tick_us": {
                 "busy": microseconds(self.busy) | {"p90": self.typical * 1e6},
+                "processor_time": {"p90": self.work * 1e6},
                 **({"devices": microseconds(self.reading)} if self.reading else {}),
             },
             "other_programs": {**self.others._asdict(), "names": names},
@@ -129,8 +137,11 @@ class LoopVerdict(NamedTuple):
 
     @property
     def fits(self) -> bool:
-        """Whether a tick fits into its period, which a short measurement can tell."""
-        return self.timing.typical <= SHARE / self.timing.rate
+        """Whether the processor time of a tick fits into its period.
+
+        A short measurement can tell this, also while other programs use the processor.
+        """
+        return self.cost <= SHARE / self.timing.rate
 
     @property
     def margin(self) -> float:
@@ -139,8 +150,8 @@ class LoopVerdict(NamedTuple):
 
     @property
     def cost(self) -> float:
-        """Duration of a tick that is compared with the period [s]."""
-        return self.timing.typical
+        """Processor time of a tick [s]."""
+        return self.timing.work
 
     @property
     def text(self) -> str:

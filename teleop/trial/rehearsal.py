@@ -51,17 +51,22 @@ class TooSlowError(InputError):
 
 
 class LoggingClock(RealClock):
-    """A clock in real time that stores the timing of each tick."""
+    """A clock in real time that stores the timing of each tick, and its processor time."""
 
     def __init__(self, rate: float) -> None:
         super().__init__(rate)
         self.log = array("d")
         """Values of each `Tick`, one after another."""
+        self.work = array("d")
+        """Processor time of the tick before each tick [s]."""
+        self._begun = time.thread_time()
 
     def wait(self) -> Tick:
         """Wait until the deadline of the next tick; store and return the timing of this tick."""
+        self.work.append(time.thread_time() - self._begun)
         tick = super().wait()
         self.log.extend(tick)
+        self._begun = time.thread_time()
         return tick
 
 
@@ -139,7 +144,13 @@ def rehearse(
         raise loop.error
     lateness, _, skipped, busy = np.array(clock.log).reshape(-1, len(Tick._fields)).T
     timing = LoopTiming.of_ticks(
-        rate, lateness[first:], skipped[first:], busy[first:], np.array(reading[first:]), others
+        rate,
+        lateness[first:],
+        skipped[first:],
+        busy[first:],
+        np.array(reading[first:]),
+        others,
+        np.array(clock.work[first:]),
     )
     if fault := reported_fault(stream.events):
         if fault["fault"] not in OWN_FAULTS:
@@ -180,7 +191,7 @@ def check_rate(settings: TrialSettings, real: RealtimeName = "off") -> LoopVerdi
             if verdict.fits:
                 return verdict
     other = "" if settings.needs_arming else ", or --clock virtual"
-    raise TooSlowError(f"{verdict.reasons[0]}{other}")
+    raise TooSlowError(f"{too_slow(settings.loop_rate, verdict.cost)}{other}")
 
 
 def check_wire(rig: Rig, clock: Clock, cost: float) -> None:

@@ -99,3 +99,14 @@ def test_a_fault_that_the_timing_caused_is_a_refusal():
     verdict = judged(fault="the loop overran: 90 ms")
     assert not verdict.possible
     assert "the loop overran" in verdict.reasons[0]
+
+
+def test_a_tick_that_other_programs_interrupt_still_fits_into_its_period():
+    calm = np.zeros(1000)
+    interrupted = LoopTiming.of_ticks(
+        RATE, calm, calm, calm + 5e-3, calm[:0], NOT_KNOWN, calm + 1e-4
+    )
+    verdict = verdict_of(interrupted, LIMITS)
+    assert not verdict.possible
+    assert verdict.fits
+    assert verdict.cost == pytest.approx(1e-4)

@@ -159,7 +159,7 @@ def test_a_report_has_everything_that_the_developers_need(tmp_path, undemanding_
     assert report["software"]["software"].startswith("teleop ")
     assert "python-can" in report["software"]["drivers"]
     assert report["devices"]["master"] == {"firmware": "0.6.10"}
-    assert report["check"]["loop"]["ticks"] > 100
+    assert report["check"]["loop"]["ticks"] > 0
     assert {drive["name"] for drive in report["check"]["drives"]} == {"master", "slave"}
     buses = {line.split()[1] for line in wire}
     assert buses == {"can", "handle", "contact"}
