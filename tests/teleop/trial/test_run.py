@@ -418,9 +418,8 @@ def test_other_rates_find_the_stiffness_too(rate):
 
 def test_an_interrupt_while_the_estimates_are_completed_closes_the_recording(monkeypatch, tmp_path):
     def advance(self):
-        if self._ticks.newest > 500:
+        if self.stream.ticks.newest > 500:
             raise KeyboardInterrupt
-        return False
 
     monkeypatch.setattr("teleop.streams.estimation.StreamEstimation.advance", advance)
     path = tmp_path / "run.mcap"
