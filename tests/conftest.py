@@ -40,6 +40,7 @@ if "PYTEST_XDIST_WORKER" not in os.environ:
         compileall.compile_dir(ROOT / package, quiet=1)
 os.environ["PYTHONDONTWRITEBYTECODE"] = "1"
 sys.dont_write_bytecode = False
+gc.set_threshold(50_000)  # the modules and tests of a worker are many objects, and no garbage
 gc.unfreeze = lambda: None  # a trial in real time would end what `quick_garbage_collection` does
 
 
