@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import can
 
-from drivers.rig import RigError, reason
+from drivers.rig import RigError, new_tuple, reason
 from drivers.transports.bus import Bus
 from drivers.transports.can_adapter import (
     EXTENDED,
@@ -90,8 +90,9 @@ class CanBus(Bus):
         self._data_bitrate = data_bitrate
         self._adapter: CanAdapter | None = None
         self._routes: dict[int, Callable[[CanFrame, float], object]] = {}
-        self._queue: list[CanFrame] | None = None
-        """Frames that `transmit` sends together; None while frames are sent at once."""
+        self._queue: list[CanFrame] = []
+        self._together = False
+        """Whether the frames of the queue are sent together, at the end of `transmit`."""
         self._polled = now()
         self._asked = -math.inf
         self.received = 0
@@ -233,11 +234,8 @@ class CanBus(Bus):
         """
         if fd and (not self.fd or len(data) not in FD_LENGTHS):
             raise ValueError(f"CAN FD frame of {len(data)} bytes: expected a bus with CAN FD")
-        self._put(
-            CanFrame(
-                identifier, data, is_extended_id=extended, is_fd=fd, bitrate_switch=bitrate_switch
-            )
-        )
+        values = (identifier, data, 0.0, extended, False, False, fd, bitrate_switch, 0)
+        self._put(new_tuple(CanFrame, values))
 
     def request(self, identifier: int, length: int = 8) -> None:
         """Send a remote frame, which is a request for the data frame with the same identifier."""
@@ -264,24 +262,25 @@ class CanBus(Bus):
 
     def transmit(self, devices: Sequence[Device]) -> None:
         """Let devices send their commands, and send the frames of all of them together."""
-        queue: list[CanFrame] = []
-        self._queue = queue
+        self._together = True
         try:
-            super().transmit(devices)
+            for device in devices:
+                device.transmit()
         finally:
-            self._queue = None
-            self._send_all(queue)
+            self._together = False
+            self._flush()
 
     def _put(self, frame: CanFrame) -> None:
         self._count(frame)
         if self.log:
             self.log(">", frame_text(frame))
-        if self._queue is None:
-            self._send_all((frame,))
-        else:
-            self._queue.append(frame)
+        self._queue.append(frame)
+        if not self._together:
+            self._flush()
 
-    def _send_all(self, frames: Sequence[CanFrame]) -> None:
+    def _flush(self) -> None:
+        """Send the frames of the queue."""
+        frames, self._queue = self._queue, []
         if not frames:
             return
         assert self._adapter

@@ -27,18 +27,13 @@ from drivers.transports.can_frame import CanFrame
 
 def encode(frame: CanFrame) -> bytes:
     """Return a CAN frame as a line of the slcan protocol, with the CR at the end."""
-    identifier, length, extended = frame.arbitration_id, frame.dlc, frame.is_extended_id
-    if (
-        frame.is_fd
-        or frame.is_error_frame
-        or length > 8
-        or (frame.is_remote_frame and frame.data)
-        or not 0 <= identifier < (1 << 29 if extended else 1 << 11)
-    ):
+    identifier, data, _, extended, remote, is_error, is_fd, _, requested = frame
+    length = requested if remote else len(data)
+    limit = 1 << 29 if extended else 1 << 11
+    if is_fd or is_error or length > 8 or (remote and data) or not 0 <= identifier < limit:
         raise ValueError(f"slcan frame {frame!r}: expected a classical data or remote frame")
-    kind = KINDS[extended, frame.is_remote_frame]
     layout = b"%b%08X%d%b\r" if extended else b"%b%03X%d%b\r"
-    return layout % (kind, identifier, length, hexlify(frame.data).upper())
+    return layout % (KINDS[extended, remote], identifier, length, hexlify(data).upper())
 
 
 def decode(line: bytes) -> CanFrame:
@@ -169,7 +164,7 @@ class SlcanBus(can.BusABC):
 
     def put(self, frames: Sequence[CanFrame]) -> None:
         """Send frames to the adapter, without waiting for its answers."""
-        self._write([encode(frame) for frame in frames], 0.0)
+        self._write(list(map(encode, frames)), 0.0)
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
         """Send a frame to the adapter, without waiting for its answer.

@@ -197,3 +197,66 @@ def test_the_frames_in_both_directions_are_logged(monkeypatch):
     bus.poll()
     assert logged == [(">", "012#01"), ("<", "003#02")]
     bus.close()
+
+
+class Recorder(Adapter):
+    """An adapter of python-can that stores the frames of each call."""
+
+    def __init__(self, interface, channel, **options):
+        super().__init__(interface, channel, **options)
+        self.sent = []
+
+    def send(self, message):
+        self.sent.append(message.arbitration_id)
+
+
+class Sender:
+    """A device that sends two frames per tick."""
+
+    def __init__(self, bus, first, error=None):
+        self.bus, self.first, self.error = bus, first, error
+
+    def transmit(self):
+        self.bus.send(self.first, b"")
+        if self.error:
+            raise self.error
+        self.bus.send(self.first + 1, b"")
+
+
+@pytest.fixture
+def calls(monkeypatch):
+    """An open bus, and the identifiers that each call of its adapter has sent."""
+    monkeypatch.setattr(can, "Bus", Recorder)
+    opened, calls = bus(interface="virtual"), []
+    opened.open()
+    put = opened._adapter.put
+    monkeypatch.setattr(
+        opened._adapter, "put", lambda frames: (calls.append(len(frames)), put(frames))
+    )
+    yield opened, calls, opened._adapter.bus.sent
+    opened.close()
+
+
+def test_the_frames_of_all_devices_leave_together_in_their_order(calls):
+    opened, sizes, sent = calls
+    opened.transmit([Sender(opened, 1), Sender(opened, 3)])
+    assert (sizes, sent) == ([4], [1, 2, 3, 4])
+    opened.transmit([])
+    assert sizes == [4]
+
+
+def test_a_frame_outside_of_transmit_leaves_at_once(calls):
+    opened, sizes, sent = calls
+    opened.transmit([Sender(opened, 1)])
+    opened.send(7, b"")
+    opened.request(8)
+    assert (sizes, sent) == ([2, 1, 1], [1, 2, 7, 8])
+
+
+def test_the_frames_before_an_error_of_a_device_leave_and_the_next_ones_at_once(calls):
+    opened, sizes, sent = calls
+    with pytest.raises(RigError, match="broken"):
+        opened.transmit([Sender(opened, 1), Sender(opened, 3, RigError("broken"))])
+    assert (sizes, sent) == ([3], [1, 2, 3])
+    opened.send(7, b"")
+    assert sent[-1] == 7

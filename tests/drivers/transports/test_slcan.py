@@ -11,7 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.transports import slcan
-from drivers.transports.slcan import SlcanBus, StatusFlags
+from drivers.transports.can_frame import CanFrame
+from drivers.transports.slcan import SlcanBus, StatusFlags, encode
 from sim_backend.wire.slcan_adapter import SlcanAdapter
 
 from ...can_frames import frames, same
@@ -132,6 +133,22 @@ def test_a_time_stamp_of_the_adapter_is_left_out():
         assert adapter.encode(frame).endswith(b"05DC\r")
         port.to_read = [adapter.encode(frame)]
         assert same(bus.drain()[0], frame)
+
+
+@pytest.mark.parametrize(("accepted", "in_flight"), [(0, 1), (5, 1), (10, 2), (12, 2), (20, 3)])
+def test_no_line_is_sent_after_one_that_the_port_accepts_in_part(accepted, in_flight):
+    with opened() as (bus, port):
+        frame = CanFrame(0x181, b"\x12\xab")
+        assert encode(frame) == LINE
+        port.send = lambda data: accepted
+        with pytest.raises(can.CanOperationError, match="the port's buffer is full"):
+            bus.put([frame] * 3)
+        assert bus.unanswered == in_flight
+        written = []
+        port.send = lambda data: written.append(data) or len(data)
+        bus.put([frame])
+        assert written == [b"\r" + LINE]
+        assert bus.unanswered == in_flight + 1
 
 
 def test_a_refused_frame_is_reported_once_and_no_other_frame_is_lost():
