@@ -87,6 +87,8 @@ class LostMotion(NamedTuple):
     """Shape of the hysteresis, one of `SHAPES`."""
     amplitude: float
     """Half of the travel of the measured position in contact [m]."""
+    is_confirmed: bool = True
+    """Whether each half of the record is predicted better with it, from the other half."""
 
     @property
     def interval(self) -> Interval:
@@ -134,7 +136,9 @@ def find_lost_motion(
 ) -> LostMotion | None:
     """Return the lost motion in a record; None if there is no strong evidence for any.
 
-    `rigid_best` is the best model of the force without lost motion.
+    It is not confirmed if only the prediction of each half from the other is not clearly better:
+    with much noise, a large lost motion does not predict better either. `rigid_best` is the best
+    model of the force without lost motion.
     """
     rows = RegressionRows(record, phases)
     least = max(
@@ -194,7 +198,7 @@ def find_lost_motion(
         chosen.tip(record.raw_x), best.model
     )
     fitted_gain = math.log(np.std(rigid.residual) / max(float(np.std(best.residual)), 1e-300))
-    return chosen if gain > min(LOST_MOTION_PREDICTION, 0.5 * fitted_gain) else None
+    return chosen._replace(is_confirmed=gain > min(LOST_MOTION_PREDICTION, 0.5 * fitted_gain))
 
 
 def beyond_noise(fit: HysteresisFit, record: SmoothedRecord) -> float:

@@ -70,8 +70,8 @@ class RegressionRows:
     """The samples that are fitted, and the regressors of the contact models at these samples.
 
     Each model is f = baseline + P(x) + b v + relaxing parts. The baseline is the slow part of the
-    force. P(x) is a polynomial in the position, and v is `velocity`. The relaxing parts decay with time constants. Each
-    sample is a row of the regression matrix.
+    force. P(x) is a polynomial in the position, and v is `velocity`. The relaxing parts decay with
+    time constants. Each sample is a row of the regression matrix.
 
     With `baseline`, the baseline may contain slow cosines besides a constant. If the force out of
     contact is steady, it is always a constant.
