@@ -155,7 +155,10 @@ def find_lost_motion(
     # several of its parameters: many powers of the position can also describe lost motion
     fewest = min(one.parameters for one in plain) + 1
     most = fewest + LOST_MOTION_BIC / math.log(len(rows.index))
-    if any(one.parameters < most and beyond_noise(one, record) == 0.0 for one in plain):
+    sufficient = [
+        one for one in plain if one.parameters < most and beyond_noise(one, record) == 0.0
+    ]
+    if sufficient and regressors.score(sufficient[0]) < LOST_MOTION_BIC:
         return None
     found = []
     for shape, parts in SHAPES.items():
@@ -236,6 +239,19 @@ class Regressors:
             for half_width, columns in zip(half_widths.tolist(), self._columns(x), strict=True)
             for fit, _ in self._fits(columns, half_width, shape)
         ]
+
+    def score(self, fit: HysteresisFit) -> float:
+        """Return the score statistic of a small lost motion in the residual of a model without it.
+
+        Lost motion shifts the position in the direction of the last motion. Without lost motion,
+        the statistic has the chi-square distribution with one degree of freedom (Rao).
+        """
+        shift = self._rows.shifts[:, 1] - self._basis @ (self._basis.T @ self._rows.shifts[:, 1])
+        columns = self._columns(self._record.raw_x[None])[0][:, self._used(fit.model)]
+        columns, _ = np.linalg.qr(columns)
+        shift = shift - columns @ (columns.T @ shift)
+        along = float(shift @ fit.residual) ** 2
+        return along / max(float(np.var(fit.residual) * (shift @ shift)), 1e-300)
 
     def refined(self, best: HysteresisFit, half_width: float, step: float) -> tuple[float, float]:
         """Return the half width of the best model, and the half width of its 95 % interval.

@@ -101,9 +101,8 @@ def test_gradual_friction_is_found_and_its_effect_is_in_the_intervals(motion):
 
 def noisy_friction(half_width, seed):
     """Friction in the transmission beside noise of 3 % of the force; b is 20 N s/m."""
-    x = sine(2.7)[::4]
-    tip = behind_dahl(np.tile(x, 2), half_width)[len(x) :]
-    force = K * tip + 20.0 * np.gradient(tip, 4.0 / RATE)
+    x = sine(2.7)
+    x, force = x[::4], linear(behind_dahl(np.tile(x, 2), half_width)[len(x) :])[::4]
     noisy = force + np.random.default_rng(seed).normal(0.0, 3e-2 * np.ptp(force), len(x))
     return Signals(T[::4], x, noisy, periods(T[::4]), "position")
 
