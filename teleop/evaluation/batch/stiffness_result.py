@@ -183,6 +183,13 @@ class StiffnessResult:
         """
         return getattr(self, symbol) is not None
 
+    def resolves(self, symbol: str) -> bool:
+        """Return whether the 95 % interval of k or b (`symbol` is "k" or "b") excludes zero."""
+        if not self.determines(symbol):
+            return False
+        low, high = self.interval(symbol)
+        return low > 0.0 or high < 0.0
+
     def summary(self) -> dict[str, Any]:
         """Return the result as a dictionary that can be written as JSON."""
         document = asdict(self)
