@@ -206,7 +206,7 @@ class Evaluation(Presented):
         result = self.analysis.result
         reasons, hints = list(result.reasons), list(result.hints)
         for part, half in self.online.expected._asdict().items():
-            if half > LARGEST_EXPECTED:
+            if half > LARGEST_EXPECTED and not result.resolves(part):
                 reasons.append(
                     f"motion and noise do not determine {part}: its expected interval is "
                     f"{half_width_text(half)}, and a larger or faster motion makes it narrower"

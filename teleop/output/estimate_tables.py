@@ -253,33 +253,26 @@ fractions of k and b."""
 
 
 def disagreement_lines(summary: Mapping[str, Any]) -> list[str]:
-    """Return where online estimates differ from the result, as at most one line.
+    """Return where the final estimates differ from the result, as at most one line.
 
-    The b of an estimator must also differ by more than its interval and that of the result.
+    They must also differ by more than their own interval and that of the result.
     """
     result = summary["result"]
     if not result["identifiable"]:
         return [f"{UNSUPPORTED}: see the reasons of the result"]
-    k = result["k"]
-    low = min(result["k_low"], k - LARGEST_DIFFERENCE * abs(k))
-    high = max(result["k_high"], k + LARGEST_DIFFERENCE * abs(k))
-    rows = summary["estimates"].items()
-    names = [name for name, row in rows if math.isfinite(row["k"]) and not low <= row["k"] <= high]
-    b = result["b"]
-    others = []
-    if b is not None and not result["b_reason"]:
-        least = max(LARGEST_DIFFERENCE_OF_B * abs(b), b - result["b_low"])
-        others = [
-            name for name, row in rows if abs(row["b_end"] - b) > max(least, row["b_interval"])
+    differences = []
+    for symbol, limit in (("k", LARGEST_DIFFERENCE), ("b", LARGEST_DIFFERENCE_OF_B)):
+        value = result[symbol]
+        if value is None or (symbol == "b" and result["b_reason"]):
+            continue
+        least = max(limit * abs(value), value - result[f"{symbol}_low"])
+        found = [
+            name
+            for name, row in summary["estimates"].items()
+            if abs(row[f"{symbol}_end"] - value) > max(least, row[f"{symbol}_interval"])
         ]
-    differences = [
-        f"{symbol} of {', '.join(found)} differs by >{limit:.0%}"
-        for symbol, found, limit in (
-            ("k", names, LARGEST_DIFFERENCE),
-            ("b", others, LARGEST_DIFFERENCE_OF_B),
-        )
-        if found
-    ]
+        if found:
+            differences.append(f"{symbol} of {', '.join(found)} differs by >{limit:.0%}")
     return [f"publish the result: {', '.join(differences)}"] if differences else []
 
 

@@ -36,6 +36,7 @@ from teleop.evaluation.batch.stiffness_result import (
     StiffnessResult,
     stiffness_result,
     with_lost_motion,
+    with_possible_lost_motion,
     without_result,
 )
 from teleop.evaluation.batch.strokes import cycle_frequency, least_stroke, turning_points
@@ -344,7 +345,10 @@ def analyse(signals: Signals, transmission: TransmissionCalibration = RIGID) -> 
     line = interference(corrected.record)
     if reasons_before_fit(corrected.record, corrected.phases) or (line and line.hides_stiffness):
         return analysis  # another fault, which lost motion does not explain
-    return replace(corrected, result=with_lost_motion(corrected.result, analysis.local, found))
+    result = with_lost_motion(corrected.result, analysis.local, found)
+    if not found.is_confirmed:
+        return replace(analysis, result=with_possible_lost_motion(analysis.result, result, found))
+    return replace(corrected, result=result)
 
 
 def with_form_of_lag(analysis: Analysis, signals: Signals, faults: Sequence[Reason]) -> Analysis:

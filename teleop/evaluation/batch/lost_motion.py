@@ -87,6 +87,8 @@ class LostMotion(NamedTuple):
     """Shape of the hysteresis, one of `SHAPES`."""
     amplitude: float
     """Half of the travel of the measured position in contact [m]."""
+    is_confirmed: bool = True
+    """Whether each half of the record is predicted better with it, from the other half."""
 
     @property
     def interval(self) -> Interval:
@@ -134,7 +136,9 @@ def find_lost_motion(
 ) -> LostMotion | None:
     """Return the lost motion in a record; None if there is no strong evidence for any.
 
-    `rigid_best` is the best model of the force without lost motion.
+    It is not confirmed if only the prediction of each half from the other is not clearly better:
+    with much noise, a large lost motion does not predict better either. `rigid_best` is the best
+    model of the force without lost motion.
     """
     rows = RegressionRows(record, phases)
     least = max(
@@ -151,7 +155,10 @@ def find_lost_motion(
     # several of its parameters: many powers of the position can also describe lost motion
     fewest = min(one.parameters for one in plain) + 1
     most = fewest + LOST_MOTION_BIC / math.log(len(rows.index))
-    if any(one.parameters < most and beyond_noise(one, record) == 0.0 for one in plain):
+    sufficient = [
+        one for one in plain if one.parameters < most and beyond_noise(one, record) == 0.0
+    ]
+    if sufficient and regressors.score(sufficient[0]) < LOST_MOTION_BIC:
         return None
     found = []
     for shape, parts in SHAPES.items():
@@ -194,7 +201,7 @@ def find_lost_motion(
         chosen.tip(record.raw_x), best.model
     )
     fitted_gain = math.log(np.std(rigid.residual) / max(float(np.std(best.residual)), 1e-300))
-    return chosen if gain > min(LOST_MOTION_PREDICTION, 0.5 * fitted_gain) else None
+    return chosen._replace(is_confirmed=gain > min(LOST_MOTION_PREDICTION, 0.5 * fitted_gain))
 
 
 def beyond_noise(fit: HysteresisFit, record: SmoothedRecord) -> float:
@@ -232,6 +239,19 @@ class Regressors:
             for half_width, columns in zip(half_widths.tolist(), self._columns(x), strict=True)
             for fit, _ in self._fits(columns, half_width, shape)
         ]
+
+    def score(self, fit: HysteresisFit) -> float:
+        """Return the score statistic of a small lost motion in the residual of a model without it.
+
+        Lost motion shifts the position in the direction of the last motion. Without lost motion,
+        the statistic has the chi-square distribution with one degree of freedom (Rao).
+        """
+        shift = self._rows.shifts[:, 1] - self._basis @ (self._basis.T @ self._rows.shifts[:, 1])
+        columns = self._columns(self._record.raw_x[None])[0][:, self._used(fit.model)]
+        columns, _ = np.linalg.qr(columns)
+        shift = shift - columns @ (columns.T @ shift)
+        along = float(shift @ fit.residual) ** 2
+        return along / max(float(np.var(fit.residual) * (shift @ shift)), 1e-300)
 
     def refined(self, best: HysteresisFit, half_width: float, step: float) -> tuple[float, float]:
         """Return the half width of the best model, and the half width of its 95 % interval.

@@ -183,6 +183,13 @@ class StiffnessResult:
         """
         return getattr(self, symbol) is not None
 
+    def resolves(self, symbol: str) -> bool:
+        """Return whether the 95 % interval of k or b (`symbol` is "k" or "b") excludes zero."""
+        if not self.determines(symbol):
+            return False
+        low, high = self.interval(symbol)
+        return low > 0.0 or high < 0.0
+
     def summary(self) -> dict[str, Any]:
         """Return the result as a dictionary that can be written as JSON."""
         document = asdict(self)
@@ -455,21 +462,55 @@ def with_lost_motion(
     if half_k > WIDEST_INTERVAL * result.k:
         text += f": the correction of k, from {STIFFNESS.text(plain.k)}, is too large"
         return without_result([Reason(text, MEASURE)])
-    b = low = high = None
-    b_reason = result.b_reason
+    half_b = None
     without = f"{STIFFNESS.text(plain.k)} and {DAMPING.text(plain.b)}"
     text += f", which is removed; without this correction, k and b are {without}"
-    reasons = result.reasons
     if result.b is not None and result.b_high is not None:
         half_b = math.hypot(result.b_high - result.b, UNCERTAIN_CORRECTION * (result.b - plain.b))
-        b, low, high = result.b, result.b - half_b, result.b + half_b
         if found.amplitude < LEAST_AMPLITUDE_FOR_B * found.half_width:
-            b = low = high = None
-            b_reason = f"{amplitude} is too small beside the lost motion"
+            too_small = f"{amplitude} is too small beside the lost motion"
+            result = replace(result, b=None, b_low=None, b_high=None, b_reason=too_small)
             text += f"; {amplitude} is too small for b"
-        elif half_b > abs(b) and DAMPING_NOT_RESOLVED not in reasons:
-            b_reason = DAMPING_NOT_RESOLVED
-            reasons = (*reasons, b_reason)
+    widened = with_half_widths(result, half_k, half_b)
+    return replace(
+        widened,
+        lost_motion=found.interval,
+        reasons=(text, *widened.reasons),
+        hints=(*widened.hints, MEASURE),
+    )
+
+
+def with_possible_lost_motion(
+    result: StiffnessResult, corrected: StiffnessResult, found: LostMotion
+) -> StiffnessResult:
+    """Return a result whose intervals contain those without a lost motion that is not confirmed.
+
+    `corrected` is the result if the lost motion is removed (`with_lost_motion`).
+    """
+    if result.k is None or corrected.k is None:
+        return result
+    half_k = max(abs(end - result.k) for end in (*result.interval("k"), *corrected.interval("k")))
+    half_b, values = None, STIFFNESS.text(corrected.k)
+    if result.b is not None and corrected.b is not None:
+        ends = (*result.interval("b"), *corrected.interval("b"))
+        half_b = max(abs(end - result.b) for end in ends)
+        values += f" and {DAMPING.text(corrected.b)}"
+    text = (
+        f"lost motion of about {found.half_width * 1e6:.3g} um between position sensor and tip is "
+        f"possible, and the intervals contain its effect: without it, the result would be {values}"
+    )
+    widened = with_half_widths(result, half_k, half_b)
+    return replace(widened, reasons=(text, *widened.reasons), hints=(*widened.hints, MEASURE))
+
+
+def with_half_widths(
+    result: StiffnessResult, half_k: float, half_b: float | None
+) -> StiffnessResult:
+    """Return a result with other half widths of the intervals of k, also at the tip, and of b.
+
+    `half_b` has no effect if b is not determined, and None keeps the interval of b.
+    """
+    assert result.k is not None
     k_tip = result.k_tip and Interval(
         result.k_tip.value,
         *(
@@ -477,18 +518,16 @@ def with_lost_motion(
             for sign in (-1.0, 1.0)
         ),
     )
+    result = replace(result, k_low=result.k - half_k, k_high=result.k + half_k, k_tip=k_tip)
+    if result.b is None or half_b is None:
+        return result
+    result = replace(result, b_low=result.b - half_b, b_high=result.b + half_b)
+    if half_b <= abs(result.b) or DAMPING_NOT_RESOLVED in result.reasons:
+        return result
     return replace(
         result,
-        k_low=result.k - half_k,
-        k_high=result.k + half_k,
-        b=b,
-        b_low=low,
-        b_high=high,
-        b_reason=b_reason,
-        k_tip=k_tip,
-        lost_motion=found.interval,
-        reasons=(text, *reasons),
-        hints=(*result.hints, MEASURE),
+        b_reason=DAMPING_NOT_RESOLVED,
+        reasons=(*result.reasons, DAMPING_NOT_RESOLVED),
     )
 
 

@@ -10,8 +10,9 @@ from teleop.output.estimate_tables import disagreement_lines
 def summary(*, identifiable=True, b=None, **k):
     result = {"identifiable": identifiable, "k": 500.0, "k_low": 490.0, "k_high": 510.0}
     result |= {"b": 8.0, "b_low": 7.8, "b_reason": ""}
-    row = {"b_end": 8.5 if b is None else b, "b_interval": 3.0}
-    return {"result": result, "estimates": {name: {"k": value, **row} for name, value in k.items()}}
+    row = {"b_end": 8.5 if b is None else b, "b_interval": 3.0, "k": 500.0, "k_interval": 20.0}
+    rows = {name: {"k_end": value, **row} for name, value in k.items()}
+    return {"result": result, "estimates": rows}
 
 
 def test_estimators_that_differ_from_the_result_are_named():

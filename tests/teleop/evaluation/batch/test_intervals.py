@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -82,6 +84,16 @@ def test_noise_that_hides_the_damping_is_a_remark_whatever_the_datum_is():
 
     assert any("do not determine b" in reason for reason in reasons(0.0, 1e-3))
     assert not any("do not determine" in reason for reason in reasons(20.0, 0.1))
+
+
+def test_a_damping_that_the_result_resolves_is_determined_also_where_the_online_model_is_wrong():
+    """The expected interval is that of a constant stiffness; what it leaves counts as noise."""
+    evaluation = evaluate(signals(*sine(1.0, 200.0, 2000)), EstimateSettings())
+    wide = evaluation.online.expected._replace(b=1.4)
+    evaluation = replace(evaluation, online=evaluation.online._replace(expected=wide))
+    found = evaluation.batch_summary()["result"]
+    assert found["b_low"] > 0.0
+    assert not any("do not determine" in reason for reason in found["reasons"])
 
 
 @pytest.mark.parametrize("width", [1.0, 4.0, 8.0])

@@ -99,14 +99,27 @@ def test_gradual_friction_is_found_and_its_effect_is_in_the_intervals(motion):
     assert found.b_low <= 20.0 <= found.b_high
 
 
+def noisy_friction(half_width, seed):
+    """Friction in the transmission beside noise of 3 % of the force; b is 20 N s/m."""
+    x = sine(2.7)
+    x, force = x[::4], linear(behind_dahl(np.tile(x, 2), half_width)[len(x) :])[::4]
+    noisy = force + np.random.default_rng(seed).normal(0.0, 3e-2 * np.ptp(force), len(x))
+    return Signals(T[::4], x, noisy, periods(T[::4]), "position")
+
+
 def test_lost_motion_is_found_where_many_powers_of_the_position_leave_only_noise():
-    x = sine(2.7)[::4]
-    tip = behind_dahl(np.tile(x, 2), 160e-6)[len(x) :]
-    force = K * tip + 20.0 * np.gradient(tip, 4.0 / RATE)
-    noisy = force + np.random.default_rng(6).normal(0.0, 1.7e-2 * np.ptp(force), len(x))
-    found = analyse(Signals(T[::4], x, noisy, periods(T[::4]), "position")).result
+    found = analyse(noisy_friction(160e-6, 6)).result
     assert found.lost_motion is not None
-    assert found.b == pytest.approx(20.0, rel=0.25)
+    assert found.b_low <= 20.0 <= found.b_high
+
+
+def test_lost_motion_that_noise_keeps_from_being_confirmed_is_possible_and_in_the_intervals():
+    found = analyse(noisy_friction(160e-6, 7)).result
+    assert found.lost_motion is None
+    assert found.reasons[0].startswith("lost motion of about")
+    assert "is possible" in found.reasons[0]
+    assert found.k_low <= K <= found.k_high
+    assert found.b_low <= 20.0 <= found.b_high
 
 
 @pytest.mark.parametrize("body", [linear, stiffening, relaxing, springpot])
