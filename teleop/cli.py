@@ -27,6 +27,7 @@ from teleop.commands.reproduce import reproduce
 from teleop.commands.rig import rig
 from teleop.commands.run import run
 from teleop.commands.series import series
+from teleop.commands.station import station
 from teleop.commands.sweep import sweep
 from teleop.errors import InputError, SafetyStop
 from teleop.interruption import Interruption
@@ -70,6 +71,7 @@ for command in (
     reproduce,
     config,
     series,
+    station,
     sweep,
     live,
     rig,

@@ -60,7 +60,17 @@ ROOMS = {
     "evaluation": {"recording"},
     "settings": {"safety", "control", "recording"},
     "output": {"safety", "control", "recording", "evaluation", "settings"},
-    "trial": {"safety", "control", "live", "recording", "evaluation", "output", "settings"},
+    "station": {"safety", "control", "settings"},
+    "trial": {
+        "safety",
+        "control",
+        "live",
+        "recording",
+        "evaluation",
+        "output",
+        "settings",
+        "station",
+    },
     "rig": {"safety", "control", "recording", "settings", "trial"},
     "studies": {"safety", "control", "recording", "evaluation", "output", "settings", "trial"},
     "commands": {
@@ -73,6 +83,7 @@ ROOMS = {
         "settings",
         "trial",
         "rig",
+        "station",
         "studies",
     },
 }

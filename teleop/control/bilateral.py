@@ -9,10 +9,8 @@ import math
 from typing import NamedTuple
 
 from drivers import Command, Measurement, new_tuple
-from teleop.control.admittance import Admittance
 from teleop.control.channel import ChannelSettings, Direction
-from teleop.control.coupling import Coupling
-from teleop.control.feedback.law import MasterHalf, MasterMotion, Report, SlaveHalf
+from teleop.control.feedback.law import MasterMotion, Report
 from teleop.control.link import Link
 from teleop.control.sides import MasterSide, SlaveSide, silence_fault
 from teleop.safety import Verdict
@@ -42,22 +40,13 @@ NO_VALUES = LinkValues(*[math.nan] * len(LinkValues._fields))
 class BilateralLink(Link):
     """Master side and slave side in one process, with a simulated channel between them.
 
-    The coupling is used here only for its scale. `closed` states whether the law displays a force
-    to the hand: only then can the loop through the hand oscillate, which is observed.
+    The delays and losses of the channel depend only on its settings and on `seed`.
     """
 
     def __init__(
-        self,
-        admittance: Admittance,
-        coupling: Coupling,
-        master: MasterHalf,
-        slave: SlaveHalf,
-        channel: ChannelSettings,
-        seed: int = 0,
-        closed: bool = True,
+        self, master: MasterSide, slave: SlaveSide, channel: ChannelSettings, seed: int = 0
     ) -> None:
-        self._master = MasterSide(admittance, coupling.scale, master, closed)
-        self._slave = SlaveSide(coupling.scale, slave, channel.delay + channel.jitter)
+        self._master, self._slave = master, slave
         self._max_silence = channel.max_silence
         self.reports = Direction(channel, f"reports {seed}", Report())
         self.motions = Direction(channel, f"motions {seed}", MasterMotion(0.0))

@@ -122,6 +122,7 @@ class Controller:
         """Run one tick: read the rig, limit the velocities, command the drives, and estimate."""
         started = self._stopwatch()
         measurement, dt = self._read()
+        self._link.sense(measurement, dt)
         read = self._stopwatch()
         t = measurement.time - self._start
 

@@ -47,6 +47,7 @@ class MasterSide:
         self._scale = scale
         self._energy = PortEnergy(admittance)
         self._oscillation = Oscillation() if closed else None
+        self._stored = self._share = 0.0
 
     def align(self, tip: float) -> MasterMotion:
         """Put the virtual mass at rest where the tip of the slave is; return its motion.
@@ -133,6 +134,8 @@ class SlaveSide:
         self.law = law
         self._scale = scale
         self.playout = Playout(longest)
+        self.still = MasterMotion(0.0)
+        """Motion of a master that rests where the slave was when the drives were armed."""
         # The controller calls both methods at each tick. The methods of the law are called
         # directly, because a method of this class that calls them would add 0.3 us.
         self.observe = law.observe
@@ -146,7 +149,8 @@ class SlaveSide:
         """
         tip = self.law.tip(measurement)
         self.law.align()
-        self.playout.reset(measurement.time, MasterMotion(tip / self._scale))
+        self.still = MasterMotion(tip / self._scale)
+        self.playout.reset(measurement.time, self.still)
         return tip
 
     def step(

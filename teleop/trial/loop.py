@@ -100,7 +100,7 @@ class Loop:
                 self._armed, self._begin = True, event.time
             elif event.mode is FAULT or (event.mode is IDLE and self._armed):
                 self._leave = self._elapsed + AFTER * self._clock.rate
-        if not (self._armed or self._switch.page.arms):
+        if not (self._armed or self._switch.arms):
             self._begin = record.t
         if record.t - self._begin >= self._last or self.controller.finished:
             self._end = self.controller.ending or self._end or END

@@ -32,6 +32,7 @@ from teleop.trial.outputs import Outputs
 from teleop.trial.realtime import realtime
 from teleop.trial.rehearsal import check_rate, check_wire
 from teleop.trial.result import Trial
+from teleop.trial.station_waiting import Waiting
 from teleop.trial.stop_switch import StopSwitch
 
 
@@ -47,6 +48,7 @@ def run_trial(
     live: LiveLink | None = None,
     arm: bool = False,
     further: Sequence[Sink] = (),
+    station: Waiting | None = None,
 ) -> Trial:
     """Run a trial until its end, a fault, or Ctrl-C. Then disable the drives; return the result.
 
@@ -79,6 +81,8 @@ def run_trial(
         drives are armed in the live page.
     further
         Objects that receive the ticks and events besides the recording.
+    station
+        Connection to the other station, if the settings state the side of this one.
 
     Raises
     ------
@@ -109,6 +113,7 @@ def run_trial(
                 live,
                 arm,
                 further,
+                station,
             )
     check_stated(settings)
     if condition:
@@ -138,12 +143,21 @@ def run_trial(
             with switch.reading_keys(), realtime(real) as applied, rig:
                 if settings.rig:
                     check_wire(rig, clock, cost)
-                controller = make_controller(settings, rig, bank, clock, condition, outputs.later)
+                session = station.begin(clock) if station else None
+                controller = make_controller(
+                    settings, rig, bank, clock, condition, outputs.later, session
+                )
+                if session:
+                    switch.station = session
                 loop = Loop(controller, clock, layout, outputs.sinks, switch, settings.duration)
                 if live:
                     switch.page = live.begin(settings, layout)
                 applied.start(outputs.recorder_pid, live.pid if live else None)
-                loop.run()
+                try:
+                    loop.run()
+                finally:
+                    if session:
+                        session.finish()
                 # no signal may interrupt the closing of rig and files
                 switch.clean_up()
                 rejected = {name: dict(counts) for name, counts in rig.rejected.items()}
