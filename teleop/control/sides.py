@@ -79,6 +79,17 @@ class MasterSide:
         self._started, self._force, self._dt = law.started, force, dt
         return motion
 
+    def fade(self, force: float, displayed: float, dt: float) -> MasterMotion:
+        """Move the virtual mass for one tick against a force that replaces the environment [N].
+
+        It is used after the connection to the slave was lost: no stiffness is displayed any more.
+        """
+        law, admittance = self.law, self.admittance
+        self._start = admittance.position
+        admittance.step(force - displayed, dt)
+        law.state = law.state._replace(displayed=displayed)
+        return MasterMotion(admittance.position, admittance.velocity)
+
     def follow(self, verdict: Verdict, desired: Command, applied: Command, dt: float) -> None:
         """Move the virtual mass like the handle if the supervisor changed the master's velocity.
 

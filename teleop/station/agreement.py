@@ -67,7 +67,7 @@ def document_of(settings: TrialSettings) -> dict[str, Any]:
         "settings": shared_settings(settings),
         "longest_round_trip": longest if longest < math.inf else None,
         "rig": settings.rig_name,
-        "rate": settings.loop_rate,
+        "duration": settings.duration,
     }
 
 

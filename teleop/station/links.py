@@ -18,6 +18,10 @@ from teleop.station.station import ConnectionValues, Station
 
 FADING = 0.1
 """Time in which the displayed force of a force-commanded master fades after a silence [s]."""
+HELD = 5e-3
+"""Time without a new motion of the master after which the slave holds its position [s]. The slave
+can be behind the master, because of its limits. Otherwise it would move on to where the master was.
+"""
 RETREAT_SPEED = 20e-3
 """Speed with which the slave retreats from the specimen after a silence [m/s]."""
 PATIENCE = 1.0
@@ -102,6 +106,8 @@ class MasterLink(StationLink):
         self._fades = fades
         self._report = Report()
         self._motion = MasterMotion(0.0)
+        self._shown = 0.0
+        """Displayed force when the silence became too long [N]."""
         self._lost = math.nan
         """Time at which the silence became too long [s]."""
 
@@ -122,17 +128,24 @@ class MasterLink(StationLink):
         """Move the virtual mass, and return the desired velocity of the master [m/s]."""
         side, now = self._side, measurement.time
         silence = self._silence()
-        faults = side.faults(now) if side.has_fault else []
         if self._left:
-            if self._lost != self._lost:
-                self._lost = now
-            faded = (now - self._lost) / FADING if self._fades else 1.0
-            side.law.presence = max(1.0 - faded, 0.0)
-            if faded >= 1.0:
-                faults.insert(0, self._silent(now, silence))
-        self.faults = tuple(faults)
-        self._motion = side.step(force, self._newest(), dt)
+            self._motion = self._without_slave(force, now, silence, dt)
+        else:
+            self.faults = tuple(side.faults(now)) if side.has_fault else ()
+            self._motion = side.step(force, self._newest(), dt)
         return new_tuple(Command, (side.admittance.velocity, 0.0))
+
+    def _without_slave(self, force: float, now: float, silence: float, dt: float) -> MasterMotion:
+        """Return the motion after a silence: the displayed force fades, and then the drives stop.
+
+        The virtual mass and its damping stay.
+        """
+        if self._lost != self._lost:
+            self._lost, self._shown = now, self._side.law.state.displayed
+        left = 1.0 - (now - self._lost) / FADING
+        if not self._fades or left <= 0.0:
+            self.faults = (self._silent(now, silence),)
+        return self._side.fade(force, max(left, 0.0) * self._shown, dt)
 
     def follow(self, verdict: Verdict, desired: Command, applied: Command, dt: float) -> None:
         """Move the virtual mass like the handle, and send its motion to the slave."""
@@ -168,7 +181,10 @@ class SlaveLink(StationLink):
         self._retreat = retreat
         self._motion = MasterMotion(0.0)
         self._sent = self._transit = 0.0
+        self._number = -1
         self._goal = self._end = math.nan
+        self._advanced = 0.0
+        """Latest time at which there was a motion of the master to follow [s]."""
         self._played = math.nan
         self.observe = side.observe  # type: ignore[method-assign]
         self.stiffness = side.stiffness  # type: ignore[method-assign]
@@ -189,8 +205,15 @@ class SlaveLink(StationLink):
         newest, transit = peer.newest, peer.transit
         silence = self._silence()
         if newest and newest.mode is ACTIVE:
-            self._motion, self._sent = to_motion(newest.values), newest.sent + transit
+            if newest.sequence != self._number:
+                self._number = newest.sequence
+                self._motion, self._sent = to_motion(newest.values), newest.sent + transit
+            before = side.playout.time
             velocity, motion = side.step(self._sent, self._motion, measurement, dt)
+            if side.playout.time > before:
+                self._advanced = measurement.time
+            elif measurement.time - self._advanced > HELD:
+                velocity = 0.0
             station.echo = side.playout.time - transit
             station.lag = self._sent - side.playout.time
         else:  # also after the master has stopped

@@ -93,8 +93,9 @@ class Station:
         if not newest:
             return
         self.trip.add(now, now - newest.echo + self.lag)
-        if self._armed:
+        if self._mode is ACTIVE:
             self._watch(now, newest.mode, bool(newest.flags & ENDING), newest.fault)
+        if self._armed:
             return
         if newest.flags & ENDING or newest.mode is FAULT:
             why = f": {FAULTS[newest.fault]}" if newest.fault != NO_FAULT else ""
@@ -136,7 +137,7 @@ class Station:
             self.reason = f"the {self.other} has stopped"
         elif now - self._since > WAITING:
             self.reason = f"the {self.other} was not armed within {WAITING:g} s"
-        if self._mode is ACTIVE and self.trip.mean > self.longest:
+        if self.trip.mean > self.longest:
             mean, most = self.trip.mean, self.longest
             source = f"round trip {mean * 1e3:.1f} ms, at most {most * 1e3:.1f} ms"
             self.faults += (DetectedFault(Fault.CHANNEL_SLOW, source, mean, most, now),)

@@ -126,21 +126,17 @@ class MasterHalf:
         """Displayed force at the start of the last tick [N]."""
         self.reserve = 0.0
         """Stored energy that the law may give to the hand, such as the energy in the tank [J]."""
-        self.presence = 1.0
-        """Share of the force of the environment that is displayed. After the connection to the
-        slave was lost, it decreases from 1 to 0."""
 
     def align(self) -> None:
         """Reset the law to its initial state. This is done each time the drives are armed."""
         self.state = MasterState()
-        self.presence = 1.0
 
     def step(self, force: float, report: Report, dt: float) -> MasterMotion:
         """Move the virtual mass under the force of the hand minus the displayed force.
 
         `dt` is the time since the previous tick, for which the force acts.
         """
-        displayed = self.started = self.presence * self.display(report, dt)
+        displayed = self.started = self.display(report, dt)
         self.admittance.step(force - displayed, dt)
         self.state = new_tuple(MasterState, (displayed, NO_BODY, math.nan))
         return new_tuple(MasterMotion, (self.admittance.position, self.admittance.velocity, 0.0))

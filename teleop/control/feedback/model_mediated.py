@@ -76,7 +76,6 @@ class ModelMediatedMaster(MasterHalf):
 
         The model becomes the stiff prior (a stiff spring). The tank gets its initial energy.
         """
-        self.presence = 1.0
         self._tank = EnergyTank()
         self._reached: Environment | None = None
         self._before = self._dt = 0.0
@@ -98,9 +97,6 @@ class ModelMediatedMaster(MasterHalf):
         if report.model is not self._reached:
             self._approach(report.model, start, dt)
         model = self._model
-        if self.presence < 1.0:
-            k, k3, b, glued = model
-            model = Environment(self.presence * k, self.presence * k3, b, glued)
         self.started = model.force(start, before)
         velocity = admittance.step_against(force, model, dt)
         position = admittance.position
