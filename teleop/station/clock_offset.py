@@ -44,7 +44,7 @@ class OffsetBound:
 
     def __init__(self) -> None:
         self._bound = math.inf
-        self._time = 0.0
+        self._time = -math.inf
 
     def add(self, now: float, difference: float) -> None:
         """Add the difference [s] of a datagram that was received at the time `now` [s]."""

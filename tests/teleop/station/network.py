@@ -1,4 +1,4 @@
-"""Two stations in one process and in virtual time, with a network that delays, loses and repeats."""
+"""Two stations in virtual time, and a network that delays, loses and repeats datagrams."""
 
 from __future__ import annotations
 
@@ -10,6 +10,8 @@ from dataclasses import dataclass, field, replace
 
 from teleop.control.clock import VirtualClock
 from teleop.control.station_settings import StationSettings
+from teleop.recording.recording import Recording, from_messages
+from teleop.recording.sinks import Memory
 from teleop.settings.trial_settings import TrialSettings
 from teleop.station.connection import Connection
 from teleop.station.keys import Session, make_session
@@ -17,8 +19,6 @@ from teleop.station.station import Station
 from teleop.station.station_port import Received
 from teleop.trial.assembly import make_controller, make_layout, make_rig
 from teleop.trial.loop import Loop
-from teleop.recording.sinks import Memory
-from teleop.recording.recording import Recording, from_messages
 from teleop.trial.metadata import session_metadata
 from teleop.trial.stop_switch import StopSwitch
 
