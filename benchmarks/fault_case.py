@@ -13,7 +13,7 @@ from page_process import PageProcess
 from sim_backend.faults import FaultyRig
 from teleop.control.clock import Tick, VirtualClock
 from teleop.recording.black_box import BlackBox
-from teleop.recording.columns import Layout
+from teleop.streams.columns import Layout
 from teleop.recording.mcap_writer import McapFile
 from teleop.recording.sinks import Outcome, Sink, event_record
 from teleop.safety import Mode

@@ -8,8 +8,8 @@ import time
 import numpy as np
 
 from teleop.live.cells import SIZE, CellReader
-from teleop.live.ring import SLOTS, RingWriter, ring_size
-from teleop.recording.columns import Layout
+from teleop.streams.ring import SLOTS, RingWriter, ring_size
+from teleop.streams.columns import Layout
 from teleop.recording.sinks import Memory, Sink
 from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.assembly import make_clock, make_controller, make_simulated_rig

@@ -22,7 +22,7 @@ import numpy as np
 
 from teleop.recording.mcap_reader import read_intact
 from teleop.recording.mcap_writer import END, McapFile
-from teleop.recording.message import FIELD, tick_values
+from teleop.streams.message import FIELD, tick_values
 
 TRIAL = ("run", "--condition=autonomous", "--clock=virtual", "--json")
 COMMANDS = {

@@ -24,10 +24,10 @@ from teleop.live.cells import ARM, SEEN, CellWriter
 from teleop.live.clients import Client, Control
 from teleop.live.limited_connection import MOST_FRAMES
 from teleop.live.requests import BadRequest, parse_request
-from teleop.live.ring import SLOTS, RingReader
+from teleop.streams.ring import SLOTS, RingReader
 from teleop.live.server import PERIOD, Server
 from teleop.live.trial_feed import TrialFeed
-from teleop.recording.columns import Layout
+from teleop.streams.columns import Layout
 from teleop.settings.trial_settings import TrialSettings
 from teleop.trial import live_link
 from teleop.trial.live_link import EVENT_SIZE, EVENT_SLOTS, LiveLink

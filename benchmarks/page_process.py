@@ -14,7 +14,7 @@ import subprocess
 import sys
 from typing import Any
 
-from teleop.recording.columns import Layout
+from teleop.streams.columns import Layout
 from teleop.trial.live_link import LiveLink
 from teleop.trial.page_requests import PAGE_AGE
 

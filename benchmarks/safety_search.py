@@ -47,12 +47,12 @@ from teleop.control.bilateral import BilateralLink
 from teleop.control.channel import ChannelSettings
 from teleop.control.clock import Tick
 from teleop.control.controller import Controller
-from teleop.control.estimates import Estimation
 from teleop.control.feedback.settings import FeedbackSettings
 from teleop.live.cells import ARM, END, LONGEST_ROUND_TRIP, PROCESS, STOP
 from teleop.safety import Fault, Mode, stops_immediately
 from teleop.safety.channels import DetectedFault
 from teleop.settings.trial_settings import TrialSettings
+from teleop.streams.estimation import Estimation
 from teleop.trial.assembly import make_layout, make_link
 from teleop.trial.page_requests import PAGE_AGE, PROCESS_SILENCE
 from teleop.trial.stop_switch import StopSwitch

@@ -34,6 +34,7 @@ from teleop.trial.run import run_trial
 
 ROOT = Path(__file__).parents[1]
 SECONDS = 3.0
+BODIES = ("loose", "relaxing", "hunt-crossley", "inclusion", "soft to hard")
 CHANNEL = ChannelSettings(delay=10e-3, jitter=5e-3, loss=0.02)
 
 
@@ -49,7 +50,7 @@ def trials() -> Iterator[tuple[str, TrialSettings]]:
         feedback = FeedbackSettings(law, 0.3)
         title = f"feedback {law}, {'channel' if channel else 'no channel'}"
         yield title, replace(plain, feedback=feedback, channel=channel)
-    for name in ("relaxing", "inclusion", "hunt-crossley", "loose"):
+    for name in BODIES:
         setup = replace(plain.setup, cube=body(name, CUBES["soft"]))
         yield f"body {name}", replace(plain, custom_setup=setup)
     for conditioning in get_args(ConditioningName):

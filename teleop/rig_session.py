@@ -8,6 +8,7 @@ delaying the control loop.
 from __future__ import annotations
 
 import contextlib
+import math
 import multiprocessing
 import signal
 import threading
@@ -20,25 +21,19 @@ from multiprocessing.util import Finalize
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from drivers import RigError
 from teleop.control.conditions import Condition
 from teleop.errors import InputError
-from teleop.live.ring import SLOTS, RingReader, RingWriter, ring_size
-from teleop.live.shared_file import SharedFile
 from teleop.names import RealtimeName
 from teleop.recording.new_recording import new_recording
 from teleop.recording.recording import Recording, load
-from teleop.recording.sinks import Outcome, Sink
-from teleop.safety import Event
 from teleop.settings.custom_class import CustomClass, described, stated_part
 from teleop.settings.plug_ins import is_plug_in
 from teleop.settings.protocol_files import load_protocol
 from teleop.settings.rig_loading import load_rig_file
 from teleop.settings.trial_settings import TrialSettings
+from teleop.streams.stream import Stream, StreamReader, columns_of
 from teleop.trial.arming import arming_text
-from teleop.trial.assembly import make_layout
 from teleop.trial.result import Trial
 from teleop.trial.run import run_trial
 
@@ -288,22 +283,18 @@ def is_armed(settings: TrialSettings, arm: Ask | None) -> bool:
     return True
 
 
-class RingSink(Sink):
-    """Writes the ticks of a trial to shared memory, from which another process reads them."""
+class Announcement:
+    """Sends the description of the stream of a trial to the process that has started it."""
 
-    def __init__(self, ring: RingWriter) -> None:
-        self._ring = ring
+    def __init__(self, connection: Connection) -> None:
+        self._connection = connection
 
-    def push(self, message: bytes) -> None:
-        """Write the message of one tick."""
-        self._ring.write(message)
+    def begin(self, settings: TrialSettings, stream: Stream) -> None:
+        """Send the description, before the first tick."""
+        self._connection.send(("stream", stream.document))
 
-    def event(self, event: Event) -> None:
-        """Ignore an event: the recording contains it."""
-
-    def close(self) -> Outcome:
-        """Return an empty outcome: there is no file to close."""
-        return Outcome(None, 0, 0, "")
+    def end_trial(self) -> None:
+        """Send nothing: the result follows."""
 
 
 def perform(
@@ -312,7 +303,6 @@ def perform(
     armed: bool,
     realtime: RealtimeName,
     overwrite: bool,
-    ring: tuple[Path, int],
     connection: Connection,
 ) -> None:
     """Run a trial in this process, and send its summary or its error to the other process.
@@ -323,11 +313,12 @@ def perform(
     signal.signal(signal.SIGINT, signal.default_int_handler)
     thread = threading.Thread(target=stop_on_message, args=(connection,), daemon=True)
     thread.start()
-    file = SharedFile.open(ring[0], writable=True)
-    sink = RingSink(RingWriter(file.buffer, SLOTS, ring[1]))
+    viewers = [Announcement(connection)]
     real = realtime if settings.clock == "real" else "off"
     try:
-        trial = run_trial(settings, path, real=real, overwrite=overwrite, arm=armed, further=[sink])
+        trial = run_trial(
+            settings, path, real=real, overwrite=overwrite, arm=armed, viewers=viewers
+        )
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # nothing moves any more
         summary = {**trial.summary(), **trial.result.summary}
         connection.send(("done", summary))
@@ -374,13 +365,9 @@ class RunningTrial:
         overwrite: bool,
     ) -> None:
         self.settings, self.path = settings, path
-        layout = make_layout(settings, settings.estimation_preset.bank())
-        self._dtype = layout.dtype
-        self._file = SharedFile.create(ring_size(SLOTS, layout.size))
-        self._reader = RingReader(self._file.buffer, SLOTS, layout.size)
+        self._stream: StreamReader | None = None
         self._connection, other = multiprocessing.Pipe()
-        ring = (self._file.path, layout.size)
-        arguments = (settings, path, armed, realtime, overwrite, ring, other)
+        arguments = (settings, path, armed, realtime, overwrite, other)
         context = multiprocessing.get_context("spawn")
         self._process = context.Process(target=perform, args=arguments, daemon=False)
         self._answer: tuple[str, Any] | None = None
@@ -409,17 +396,19 @@ class RunningTrial:
         Parameters
         ----------
         seconds
-            Length of the part before the newest sample [s]. The ring holds 4 s at 1 kHz.
+            Length of the part before the newest sample [s], at most 40 s.
 
         Returns
         -------
         samples
             Columns of the recording by name, each of shape (n,). n is 0 before the first tick.
         """
-        newest = self._reader.newest
+        stream = self._opened()
+        if not stream:
+            return {}
+        newest = stream.ticks.newest
         count = max(int(seconds * self.settings.loop_rate), 1)
-        first = max(newest - count + 1, self._reader.oldest)
-        return self._read(range(first, newest + 1))[1]
+        return stream.columns(max(newest - count + 1, 1), newest + 1)
 
     def on_samples(
         self, function: Callable[[dict[str, Floats]], object], period: float = 0.1
@@ -458,7 +447,6 @@ class RunningTrial:
         if not self._receive(timeout):
             raise TimeoutError(f"the trial is still running after {timeout:g} s")
         self._process.join()
-        self._file.remove()
         for thread in self._callbacks:
             thread.join()
             if isinstance(thread, Caller) and (error := thread.error):
@@ -473,30 +461,34 @@ class RunningTrial:
     def _receive(self, timeout: float | None) -> bool:
         """Wait for the answer of the other process; return whether it has answered."""
         with self._lock:
-            if self._answer is None:
+            end = math.inf if timeout is None else time.monotonic() + timeout
+            while self._answer is None:
                 try:
-                    if self._connection.poll(timeout):
-                        self._answer = self._connection.recv()
+                    left = None if math.isinf(end) else max(end - time.monotonic(), 0.0)
+                    if not self._connection.poll(left):
+                        break
+                    kind, value = self._connection.recv()
                 except (EOFError, OSError):
                     self._process.join()
                     code = self._process.exitcode
-                    self._answer = (
-                        "failed",
-                        f"the process of the trial ended with code {code}; {GUARD}",
-                    )
+                    text = f"the process of the trial ended with code {code}; {GUARD}"
+                    kind, value = "failed", text
+                if kind == "stream":
+                    with contextlib.suppress(OSError):  # the trial has ended already
+                        self._stream = StreamReader.open(value, "python")
+                else:
+                    self._answer = kind, value
             if self._answer is not None:
                 RUNNING.discard(self)
                 self._at_exit.cancel()
             return self._answer is not None
 
-    def _read(self, numbers: range) -> tuple[int, dict[str, Floats]]:
-        """Return the number of the newest sample read, and the samples by column."""
-        found, slots = self._reader.read(numbers)
-        messages = np.ascontiguousarray(slots["message"][:, : self._dtype.itemsize])
-        rows = np.frombuffer(messages.tobytes(), dtype=self._dtype)
-        names = [name for name in self._dtype.names or () if name != "cdr"]
-        last = found[-1] if found else numbers.start - 1
-        return last, {name: rows[name].copy() for name in names}
+    def _opened(self) -> StreamReader | None:
+        """Return the reader of the trial's stream; None before the trial has begun."""
+        if self._stream is None and self._lock.acquire(blocking=False):
+            self._lock.release()
+            self._receive(0.0)
+        return self._stream
 
     def _ipython_display_(self) -> None:
         """Show the trial in a notebook, with a button that stops the drives."""
@@ -528,15 +520,12 @@ class Caller(threading.Thread):
 
     def _blocks(self) -> Iterator[dict[str, Floats]]:
         """Yield the samples since the last call; older ones than the ring holds are missed."""
-        last, reader = 0, self._trial._reader
         while True:
             running = self._trial._process.is_alive()
-            newest = reader.newest
-            if newest > last:
-                first = max(last + 1, reader.oldest)
-                last, samples = self._trial._read(range(first, newest + 1))
-                if len(samples["time"]):
-                    yield samples
+            if stream := self._trial._opened():
+                while batch := stream.read():
+                    if len(batch.rows):
+                        yield columns_of(stream.schema, batch.rows)
             if not running:
                 return
             time.sleep(max(self._period, POLL))

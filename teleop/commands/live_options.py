@@ -17,7 +17,7 @@ from teleop.commands.options import LIVE
 
 if TYPE_CHECKING:
     from teleop.settings.trial_settings import TrialSettings
-    from teleop.trial.child_process import ChildProcess
+    from teleop.streams.child_process import ChildProcess
     from teleop.trial.live_link import LiveLink
 
 POINTER = "pointer"
@@ -95,7 +95,7 @@ class LiveOptions:
         if not self.live or os.name != "posix" or find_spec("websockets") is None:
             yield None
             return
-        from teleop.trial.child_process import LIVE_PROCESS, ChildProcess
+        from teleop.streams.child_process import LIVE_PROCESS, ChildProcess
 
         process = ChildProcess(LIVE_PROCESS)
         try:
@@ -120,19 +120,12 @@ class LiveOptions:
             yield None
             return
         check_installed()
-        from sim_backend import PointerOperator
-        from teleop.trial.assembly import make_layout
         from teleop.trial.live_link import LiveLink
 
         pointer = any(one.operator == POINTER for one in settings)
-        operator = PointerOperator(lambda: (0.0, False)) if pointer else None
         choices = choices_of(settings[0]) if choose else NO_CHOICES
-        possible = [*settings, *([largest(settings[0], choices)] if choose else [])]
-        size = max(
-            make_layout(one, one.estimation_preset.bank(), operator).size for one in possible
-        )
         foxglove = free_port(FOXGLOVE_PORT) if self.foxglove else None
-        link = LiveLink(size, self.host, self.port, by_page, pointer, choices, foxglove, page)
+        link = LiveLink(self.host, self.port, by_page, pointer, choices, foxglove, page)
         try:
             if link.foxglove_url:
                 print(f"Foxglove: {link.foxglove_url}", file=sys.stderr, flush=True)
@@ -196,14 +189,6 @@ def choices_of(settings: TrialSettings) -> dict[str, list[Any]]:
         "feedback": list(LAWS),
         **of_estimation,
     }
-
-
-def largest(settings: TrialSettings, choices: dict[str, list[Any]]) -> TrialSettings:
-    """The settings of a possible trial with the largest number of recorded columns."""
-    from teleop.control.channel import ChannelSettings
-
-    channel = settings.channel or ChannelSettings()
-    return replace(settings, channel=channel, estimators=tuple(choices["estimators"]))
 
 
 def free_port(port: int) -> int:

@@ -133,6 +133,10 @@ class TrialRunner:
             for problem in problems:
                 print_error(problem)
             raise SafetyStop(trial.stop_text)
+        if trial.estimation_traceback:  # a defect of an estimator
+            print_error("; ".join(problems))
+            sys.stderr.write(trial.estimation_traceback)
+            return 1
         if problems:
             raise InputError("; ".join(problems))
         return 130 if trial.interrupted else 0

@@ -19,7 +19,7 @@ from teleop.safety import Verdict
 class LinkValues(NamedTuple):
     """Values that the link between master and slave records at one tick.
 
-    `teleop.recording.columns.FEEDBACK_COLUMNS` states the meaning and the unit of each value.
+    `teleop.streams.columns.FEEDBACK_COLUMNS` states the meaning and the unit of each value.
     """
 
     displayed_force: float

@@ -1,4 +1,4 @@
-"""Run one tick of the control loop, from the measurement to the estimates."""
+"""Run one tick of the control loop, from the measurement to the commands of the drives."""
 
 from __future__ import annotations
 
@@ -11,13 +11,12 @@ from drivers.rig import LONGEST_STOP
 from teleop.control.alignment import Alignment, Pair
 from teleop.control.clock import Tick
 from teleop.control.conditions import Condition
-from teleop.control.estimates import Estimation
-from teleop.control.failures import failure
 from teleop.control.hand_observer import HandObserver
 from teleop.control.link import Link
 from teleop.control.rig_values import command_of, measurement_of
 from teleop.control.tare import NO_TARE, Tare
 from teleop.control.tick_record import Record, Timing
+from teleop.failures import failure
 from teleop.safety import (
     Event,
     Fault,
@@ -40,8 +39,8 @@ NO_PAIR = Pair(math.nan, math.nan, math.nan)
 class Controller:
     """Runs the ticks of the control loop.
 
-    In each tick, the controller reads the rig, computes and limits the velocities, commands the
-    drives, and updates the estimates.
+    In each tick, the controller reads the rig, computes and limits the velocities, and commands the
+    drives. The estimation is a reader of the ticks (`teleop.streams.estimation`).
 
     An exception within a tick becomes a fault for the supervisor, which stops the drives. The first
     exception is stored in `error`. The method `tick` raises an exception only in two cases: the
@@ -57,7 +56,6 @@ class Controller:
         rig: Rig,
         condition: Condition,
         link: Link,
-        estimation: Estimation,
         period: float,
         limits: Limits,
         tare: Tare = NO_TARE,
@@ -67,7 +65,6 @@ class Controller:
         self._rig = rig
         self._condition = condition
         self._link = link
-        self._estimation = estimation
         self._period = period
         self._limits = limits
         self._tare = tare
@@ -119,7 +116,7 @@ class Controller:
         self.error = None
 
     def tick(self, tick: Tick, request: Request = NO_REQUEST) -> Record:
-        """Run one tick: read the rig, limit the velocities, command the drives, and estimate."""
+        """Run one tick: read the rig, limit the velocities, and command the drives."""
         started = self._stopwatch()
         measurement, dt = self._read()
         self._link.sense(measurement, dt)
@@ -152,15 +149,14 @@ class Controller:
         written = self._stopwatch()
         self._link.follow(verdict, desired, applied, dt)
 
-        pair, estimated = NO_PAIR, self._estimation.unknown
+        pair = NO_PAIR
         if mode is ACTIVE or mode is STOPPING:
             try:
                 if found := self._alignment.update(measurement, dt):
                     self._link.observe(found)
                     pair = found
-                    estimated = self._estimation.update(pair)
             except BaseException as error:
-                self._fail(Fault.ESTIMATION_FAILURE, error, measurement.time)
+                self._fail(Fault.CONTROL_FAILURE, error, measurement.time)
         events = verdict.events
         if mode is ACTIVE and self._condition.note != self._note:
             self._note = self._condition.note
@@ -180,7 +176,6 @@ class Controller:
             verdict.command,
             applied,
             pair,
-            estimated,
             mode,
             verdict.limited,
             tick,

@@ -8,7 +8,6 @@ from typing import NamedTuple
 from drivers import Command, Measurement
 from teleop.control.alignment import Pair
 from teleop.control.clock import Tick
-from teleop.control.estimates import Estimated
 from teleop.safety import Event, Mode
 
 
@@ -18,7 +17,7 @@ class Timing(NamedTuple):
     read: float
     """Time that reading the rig took [s]."""
     compute: float
-    """Time that condition, admittance, supervisor and estimators took [s]."""
+    """Time that condition, link and supervisor took [s]."""
     write: float
     """Time that sending the commands to the drives took [s]."""
 
@@ -44,8 +43,6 @@ class Record(NamedTuple):
     """Velocities that the drives applied."""
     pair: Pair
     """Slave position and contact force at the same time; NaN if there is no new pair."""
-    estimated: Estimated
-    """Estimates and their regressors; NaN if the estimators were not updated at this tick."""
     mode: Mode
     """Mode of the supervisor."""
     limited: int

@@ -16,12 +16,11 @@ from pathlib import Path
 
 from teleop.errors import InputError
 from teleop.live.cells import CellWriter
-from teleop.live.control_pipe import FAREWELL, ControlPipe
 from teleop.live.downloads import Downloads
-from teleop.live.ring import RingReader
 from teleop.live.server import serve
-from teleop.live.shared_file import SharedFile
 from teleop.live.trial_feed import TrialFeed
+from teleop.streams.control_pipe import FAREWELL, ControlPipe
+from teleop.streams.shared_file import SharedFile
 
 
 async def main(folder: Path) -> None:
@@ -34,19 +33,9 @@ async def main(folder: Path) -> None:
         session = pipe.read_line()
     except EOFError:  # the control process has ended before the first trial
         return
-    ring, events, cells = (
-        SharedFile.open(Path(session["files"][name]), name == "cells")
-        for name in ("ring", "events", "cells")
-    )
+    cells = SharedFile.open(Path(session["cells"]), writable=True)
     downloads = Downloads(folder)
-    feed = TrialFeed(
-        RingReader(ring.buffer, *session["ring"]),
-        RingReader(events.buffer, *session["events"]),
-        CellWriter(cells.buffer),
-        session["welcome"],
-        pipe.send,
-        downloads.offer,
-    )
+    feed = TrialFeed(CellWriter(cells.buffer), session["welcome"], pipe.send, downloads.offer)
     pipe.stop_waiting()
 
     def has_ended() -> bool:

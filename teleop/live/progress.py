@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from estimation.misfit import LARGEST_MISFIT
 from estimation.quantities import DAMPING, STIFFNESS
 from teleop.live.terminal import Terminal
 from teleop.printable import wrapped
@@ -27,7 +28,7 @@ VALUE_WIDTH = 9
 """Width of a value with the half width of its interval [characters]. Wider values are rare."""
 LARGEST_HALF = 999.0
 """Largest half width of an interval whose digits fit into the line, in the shown unit."""
-LARGEST_MISFIT = 9.99
+LONGEST_MISFIT = 9.99
 """Largest misfit whose digits fit into the line."""
 KEPT = 1.0
 """Shortest time for which the same estimator is shown as the best one [s]."""
@@ -97,7 +98,7 @@ class Progress:
 
     If `shown` is False, only the messages of `report` are written. `hint` names the key that stops
     the trial, and `instructions` explain it once. The misfit of an estimator is shown if it exceeds
-    `largest_misfit`.
+    `LARGEST_MISFIT`.
     """
 
     def __init__(
@@ -106,7 +107,6 @@ class Progress:
         duration: float,
         hint: str,
         instructions: str,
-        largest_misfit: float,
         cue: Cue | None = None,
     ) -> None:
         self._shown = shown
@@ -115,7 +115,6 @@ class Progress:
         self._cue = cue
         self.note = ""
         """Latest note, such as the precision of the result so far."""
-        self._largest_misfit = largest_misfit
         self._due = 0.0
         self._drawn = 0
         self._chosen, self._chosen_at = 0, -math.inf
@@ -166,7 +165,7 @@ class Progress:
         """Return the estimator with a small misfit and the narrowest interval of k."""
         if not 0.0 <= t - self._chosen_at < KEPT:
             self._chosen_at = t
-            order = [(one.misfit > self._largest_misfit, relative(one)) for one in estimates]
+            order = [(one.misfit > LARGEST_MISFIT, relative(one)) for one in estimates]
             self._chosen = order.index(min(order))
         return estimates[self._chosen]
 
@@ -175,8 +174,8 @@ class Progress:
         k = with_half(STIFFNESS.number(one.k), STIFFNESS.shown(one.k_half))
         signed = f"{DAMPING.shown(one.b):+.0f}" if math.isfinite(one.b) else "-"
         b = with_half(signed, DAMPING.shown(one.b_half))
-        is_large = one.misfit > self._largest_misfit
-        misfit = f"  misfit {min(one.misfit, LARGEST_MISFIT):4.0%}" if is_large else ""
+        is_large = one.misfit > LARGEST_MISFIT
+        misfit = f"  misfit {min(one.misfit, LONGEST_MISFIT):4.0%}" if is_large else ""
         return f"  {one.name} k {k} {STIFFNESS.unit} b {b} {DAMPING.unit}{misfit:13}"
 
     @staticmethod

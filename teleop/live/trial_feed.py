@@ -4,23 +4,23 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from estimation.arrays import Floats
-from teleop.json_documents import loads
 from teleop.live.cells import ARM, END, PROCESS, STOP, CellWriter
 from teleop.live.feed import Feed, estimator_indices, events_document, shown_columns
 from teleop.live.history import History, decimated, decimation
 from teleop.live.requests import ANSWERS, BadRequest
-from teleop.live.ring import RingReader
 from teleop.live.trust import JUDGED, Trust
 from teleop.safety.events import ACTIVE, READY, Fault, Mode, is_note
+from teleop.streams.stream import Batch, StreamReader
 
+PATIENCE = 0.1
+"""Longest time for which the page waits for the estimates of a tick [s]."""
 RECENT = 1.0
 """Length of the time window [s]. The live page shows the largest lateness within this window."""
 SILENCE = 0.5
@@ -70,31 +70,29 @@ class Health:
 class TrialFeed(Feed):
     """Source of data for the live page: the trials of one control process.
 
-    `ring` contains the ticks, `events` the events of the trials. `session` has fields of `welcome`:
-    `may_arm` (whether the page may arm the drives), `pointer` (whether the mouse moves the handle)
-    and `choices` (values that a setting may have). `send` sends a request to the control process,
-    which reads requests between two trials. `offer` makes the files of a recording available to the
-    pages, and returns their addresses by name.
+    `session` has fields of `welcome`: `may_arm` (whether the page may arm the drives), `pointer`
+    (whether the mouse moves the handle) and `choices` (values that a setting may have). `send`
+    sends a request to the control process, which reads requests between two trials. `offer` makes
+    the files of a recording available to the pages, and returns their addresses by name.
     """
 
     def __init__(
         self,
-        ring: RingReader,
-        events: RingReader,
         cells: CellWriter,
         session: dict[str, Any],
         send: Callable[[dict[str, Any]], None],
         offer: Callable[[Path], dict[str, str]],
     ) -> None:
         self.history = History(1)
-        self._ring, self._events, self._cells = ring, events, cells
+        self._cells = cells
+        self._stream: StreamReader | None = None
         self._session = session
         self._send = send
         self._offer = offer
         self._begin: dict[str, Any] = {}
         self._valid: dict[str, dict[str, Any]] = {}
         self._news: list[dict[str, Any]] = []
-        self._read = self._sent = self._last_event = 0
+        self._sent = 0
         self._health = Health()
         self._armed_at: float | None = None
         self._step = 1
@@ -117,7 +115,6 @@ class TrialFeed(Feed):
         """Latest note of each source, such as the precision of the result so far."""
         """Events of the trial, with the texts that the page shows."""
         self._latest = 0.0
-        self._offset = 0
         self._column: dict[str, int] = {}
         self._trust = Trust([], [], None)
         self._describe([], [], 0.0)
@@ -170,9 +167,9 @@ class TrialFeed(Feed):
     def advance(self) -> list[dict[str, Any]]:
         """Send a heartbeat, and read new ticks and events; return the new messages to the page."""
         self._cells.count(PROCESS)
-        if self._running:
-            self._read_ticks()
-            self._read_texts()
+        while self._running and self._stream and (batch := self._stream.read()):
+            self._read_ticks(batch)
+            self._read_texts(batch)
         news, self._news = self._news, []
         return news
 
@@ -277,13 +274,16 @@ class TrialFeed(Feed):
             self._cells.count(END)
 
     def _begin_trial(self, begin: dict[str, Any]) -> None:
-        names = [column["name"] for column in begin["columns"]]
+        try:
+            self._stream = StreamReader.open(begin["stream"], "live page")
+        except OSError:  # the trial has ended before it was read
+            return
+        self._stream.patience = PATIENCE
+        columns, estimators = self._stream.schema.columns, self._stream.schema.estimators
+        names = [column.name for column in columns]
         self._begin = begin
         self._step = decimation(begin["rate"])
-        self._read = begin["first"] - 1
-        self._last_event = begin["first_event"] - 1
-        self._sent, self._health, self._armed_at = self._read, Health(), None
-        self._offset = begin["offset"]
+        self._sent, self._health, self._armed_at = 0, Health(), None
         self._column = {name: place for place, name in enumerate(names)}
         self._mode, self._running, self._faults, self._by_person = Mode.IDLE, True, [], False
         self._text = self._advice = ""
@@ -291,16 +291,14 @@ class TrialFeed(Feed):
         self._events_read = []
         self._prompt = None
         self._latest = time.monotonic()
-        shown = shown_columns(names, begin["estimators"])
+        shown = shown_columns(names, estimators)
         self._indices = [self._column[name] for name in shown]
         trial = begin["trial"]
-        self._trust = Trust(
-            shown, begin["estimators"], trial["transmission"], trial["removed_lost_motion"]
-        )
-        of = {column["name"]: column for column in begin["columns"]}
+        self._trust = Trust(shown, estimators, trial["transmission"], trial["removed_lost_motion"])
+        of = {column.name: column._asdict() for column in columns}
         for name in ("summary", "evaluating", "events"):
             self._valid.pop(name, None)
-        self._describe([of[name] for name in shown], begin["estimators"], begin["rate"])
+        self._describe([of[name] for name in shown], estimators, begin["rate"])
         self._news.append(self._valid["welcome"])
         self._publish(begin["trial"])
         choice, self._chosen = self._chosen, {}
@@ -312,7 +310,9 @@ class TrialFeed(Feed):
         self.history = History(len(shown) + 1)
         self.history.epoch = epoch + 1
 
-    def _describe(self, columns: list[dict[str, str]], estimators: list[str], rate: float) -> None:
+    def _describe(
+        self, columns: list[dict[str, str]], estimators: Sequence[str], rate: float
+    ) -> None:
         """Create the message `welcome`, which describes the data of a trial to the live page."""
         self._valid["welcome"] = {
             "type": "welcome",
@@ -343,38 +343,28 @@ class TrialFeed(Feed):
         self._trials = [*self._trials, entry][-MOST_TRIALS:]
         self._publish({"type": "trials", "trials": self._trials})
 
-    def _read_ticks(self) -> None:
-        """Read all new ticks. Add those that the live page receives to `history`."""
-        first, end = max(self._read + 1, self._ring.oldest), self._ring.newest + 1
-        found, slots = self._ring.read(range(first, end))
-        if not found:
+    def _read_ticks(self, batch: Batch) -> None:
+        """Process new ticks. Add those that the live page receives to `history`."""
+        values, first = batch.rows, batch.first
+        if not len(values):
             return
-        self._read, self._latest = found[-1], time.monotonic()
-        values = self._values(slots["message"])
+        self._latest = time.monotonic()
         self._mode = Mode(int(values[-1, self._column["mode"]]))
         self._health.add(values, self._column, self._latest)
-        chosen = decimated(found[0], found[-1] + 1, self._sent, self._step)
-        rows = [row for row, number in enumerate(found) if number in set(chosen)]
-        if rows:
-            self._sent = found[rows[-1]]
-            sent = slots["written"][rows, np.newaxis]
+        chosen = decimated(first, first + len(values), self._sent, self._step)
+        if chosen:
+            self._sent = chosen[-1]
+            rows = np.array(chosen) - first
+            sent = batch.written[rows, np.newaxis]
             self.history.add(np.hstack([values[rows][:, self._indices], sent]))
             t = values[rows[-1], self._column["time"]]
             # the last decision of a trial remains
             if self._mode is ACTIVE and self._trust.is_due(t):
                 self._trust.update(self.history.latest(JUDGED))
 
-    def _values(self, messages: NDArray[np.uint8]) -> Floats:
-        """Return all columns of the messages of n ticks, shape (n, columns)."""
-        end = self._offset + 8 * len(self._begin["columns"])
-        return np.ascontiguousarray(messages[:, self._offset : end]).view("<f8")
-
-    def _read_texts(self) -> None:
-        """Read the new events of the safety supervisor: changes of its mode, and faults."""
-        first, end = max(self._last_event + 1, self._events.oldest), self._events.newest + 1
-        found, slots = self._events.read(range(first, end))
-        for slot in slots:
-            event = loads(slot["message"][: slot["length"]].tobytes())
+    def _read_texts(self, batch: Batch) -> None:
+        """Process new events of the safety supervisor: changes of its mode, faults, and notes."""
+        for _, event in batch.events:
             text = event["text"]
             if event["fault"]:
                 if event["fault"] == Fault.EMERGENCY_STOP:
@@ -388,8 +378,7 @@ class TrialFeed(Feed):
             if event["mode"] == "active":
                 self._armed_at = event["time"]
             self._text = text if event["mode"] in ("idle", "stopping") else ""
-        if found:
-            self._last_event = found[-1]
+        if batch.events:
             self._publish(events_document(self._events_read))
 
     def _advice_in(self, mode: str, by_page: bool) -> str:

@@ -48,10 +48,10 @@ from teleop.output.trial_figures import (
 )
 from teleop.output.trial_tables import tracking_lines
 from teleop.output.web_page import svg, web_page
-from teleop.recording.columns import OBSERVED
 from teleop.recording.gaps import missing_text
-from teleop.recording.message import BEGIN
 from teleop.recording.recording import Recording, stated_settings
+from teleop.streams.columns import OBSERVED
+from teleop.streams.message import BEGIN
 
 MARGIN = 0.1
 """Relative margin within which candidates of the multi-estimator are tied.

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from teleop.errors import InputError
 from teleop.json_documents import loads
-from teleop.recording.message import CDR, tick_values
+from teleop.streams.message import CDR, tick_values
 
 LARGEST_RECORD = 128 << 20
 """Size of the largest record that is read [bytes]."""

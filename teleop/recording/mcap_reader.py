@@ -31,7 +31,7 @@ from teleop.recording.mcap_checks import (
     read_event,
 )
 from teleop.recording.mcap_writer import EVENT_SCHEMA, EVENTS, TICKS
-from teleop.recording.message import MESSAGE_NAME, TIME
+from teleop.streams.message import MESSAGE_NAME, TIME
 
 MAGIC = b"\x89MCAP"
 """First bytes of an MCAP file."""

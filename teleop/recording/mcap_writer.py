@@ -17,7 +17,7 @@ from foxglove import Channel, Context, Schema
 from foxglove.mcap import MCAPWriteOptions
 
 from teleop.errors import reason
-from teleop.recording.message import BEGIN, MESSAGE_NAME
+from teleop.streams.message import BEGIN, MESSAGE_NAME
 
 TICKS, EVENTS = "/tick", "/event"
 """Topics (names) of the MCAP channels that contain the ticks and the events."""
@@ -176,7 +176,7 @@ class McapFile:
             self._ticks.log(message, log_time=self._start + round(t * 1e9))
 
     def event(self, event: Mapping[str, Any]) -> None:
-        """Write one event, as `teleop.recording.sinks.event_record` returns it."""
+        """Write one event, as `teleop.streams.stream.event_record` returns it."""
         if self.error is None:
             when = self._start + round(event["time"] * 1e9)
             log = {

@@ -1,212 +1,185 @@
-"""Start the recorder process, and send the ticks and events of the control loop to it."""
+"""Write the ticks and events of a stream to an MCAP file, and show the progress line."""
 
 from __future__ import annotations
 
-import contextlib
-import json
-import os
-import subprocess
-import sys
-import threading
-from collections import deque
-from collections.abc import Iterator, Mapping
+import math
+import time
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from estimation.arrays import Floats
 from estimation.estimator import LEVEL_95
-from estimation.misfit import LARGEST_MISFIT
 from teleop.errors import InputError, reason
-from teleop.recording.columns import Layout
-from teleop.recording.process import BEGIN, END, EVENT, FRAME, HEAD, TICK, number_frame
-from teleop.recording.sinks import Outcome, Sink, event_record
-from teleop.safety import Event
+from teleop.live.progress import Cue, Progress, Shown, Status
+from teleop.recording.mcap_writer import McapFile
+from teleop.safety.events import Mode, is_note
+from teleop.streams.message import definition_of, messages_of
+from teleop.streams.stream import Batch, StreamReader
 
-PIPE_SIZE = 1 << 20
-"""Requested size of the pipe's buffer [bytes], enough for about two seconds of ticks.
+CHECK = 1.0
+"""Time between two checks whether the file is still at its path [s]."""
+FLUSH = 0.05
+"""Time between two flushes of the file [s].
 
-Linux allows every user this size by default, but no larger size.
+If the recorder is killed, the ticks after the last flush are lost. Each flush ends a chunk (block
+of records) of the file. For each chunk, 200 bytes stay in memory until the end of the trial.
 """
-BACKLOG = 4 << 20
-"""Largest size of the ticks that wait in the memory of the loop while the pipe is full [bytes].
-
-With three estimators, this is enough for a pause of the recorder of nine seconds at 1 kHz.
-"""
-CATCH_UP = 4
-"""Largest number of waiting messages that are sent at one tick, so that the tick remains short."""
-TIMEOUT = 20.0
-"""Longest time for which the control process waits for the recorder to start, or to end [s]."""
 
 
-class RecorderProcess(Sink):
-    """Starts the recorder process, and sends the ticks and events of a trial to it.
+class Recorder:
+    """Records the stream of a trial, and shows the progress line.
 
-    `path` is None if the process only shows the progress line. With `wait`, the loop waits while
-    the pipe to the recorder is full, for a simulation in virtual time. Otherwise ticks are kept in
-    memory while the pipe is full, and dropped if too many are kept. `hint` and `instructions` are
-    texts of the progress line about how to stop. `cue` contains the largest displacement of the
-    target [m] and its count-in [s], or is None if there is no target.
+    Parameters
+    ----------
+    session
+        `path` of the file or None, `metadata` of the recording and whether to `overwrite` a file;
+        whether to `show` the progress line, its `hint`, `instructions` and `cue`, and the
+        `duration` of the trial.
+    stream
+        Reader of the stream.
+
+    Raises
+    ------
+    InputError
+        The file cannot be created.
     """
 
-    def __init__(
-        self,
-        path: Path | None,
-        layout: Layout,
-        metadata: Mapping[str, Mapping[str, str]],
-        duration: float,
-        show: bool,
-        wait: bool,
-        overwrite: bool = False,
-        hint: str = "",
-        instructions: str = "",
-        cue: tuple[float, float] | None = None,
-    ) -> None:
-        self.path = path
-        self._pushed = 0
-        self._waiting: deque[bytes] = deque()
-        self._most = BACKLOG // layout.size
-        self._failure = ""
-        self._head = FRAME.pack(TICK, layout.size)
-        self._wait = wait
-        try:
-            self.process = subprocess.Popen(
-                [sys.executable, "-P", "-m", "teleop.recording.process"],
-                stdin=subprocess.PIPE,
-                stdout=subprocess.PIPE,
-                bufsize=0,
-                start_new_session=os.name == "posix",
-            )
-        except OSError as error:
-            raise InputError(f"the recorder process cannot be started: {reason(error)}") from error
-        assert self.process.stdin
-        assert self.process.stdout
-        self._pipe = self.process.stdin.fileno()
-        session = {
-            "path": str(path) if path else None,
-            "columns": layout.columns,
-            "estimators": layout.estimators,
-            "largest_misfit": LARGEST_MISFIT,
-            "level": LEVEL_95,
-            "definition": layout.definition,
-            "metadata": metadata,
-            "duration": duration,
-            "show": show,
-            "hint": hint,
-            "instructions": instructions,
-            "cue": cue,
-            "overwrite": overwrite,
-        }
-        data = json.dumps(session).encode()
-        try:
-            self.process.stdin.write(HEAD.pack(len(data)) + data)
-        except BrokenPipeError:
-            self._failure = "the recorder did not start"
+    def __init__(self, session: Mapping[str, Any], stream: StreamReader) -> None:
+        self._stream = stream
+        self._path = session["path"]
+        self._file: McapFile | None = None
+        if self._path:
+            columns, metadata = stream.schema.columns, session["metadata"]
+            try:
+                self._file = McapFile(
+                    Path(self._path),
+                    columns,
+                    definition_of(columns),
+                    metadata,
+                    session["overwrite"],
+                )
+            except OSError as refusal:
+                raise InputError(reason(refusal)) from refusal
+        self._progress = Progress(
+            session["show"],
+            session["duration"],
+            session["hint"],
+            session["instructions"],
+            Cue(*session["cue"]) if session["cue"] else None,
+        )
+        self._ticks = 0
+        self._flushed = self._checked = time.monotonic()
+        self._is_reported = False
+        self._names = [column.name for column in stream.schema.columns]
+        self._last: Floats | None = None
+        self._estimates: list[Shown] = []
 
     def begin(self, start: int) -> None:
-        """Wait until the recorder has opened the file. Call this method before the first `push`.
+        """Begin the recording. `start` is the expected time of the first tick, Unix time [ns]."""
+        if self._file:
+            self._file.begin(start)
 
-        `start` is the wall-clock time of the beginning of the trial [ns].
+    @property
+    def is_behind(self) -> bool:
+        """Whether there are ticks that were not recorded."""
+        return self._stream.is_behind
+
+    @property
+    def failure(self) -> str:
+        """Text about the first write error; empty if there was none."""
+        return self._file.failure if self._file else ""
+
+    def advance(self) -> None:
+        """Record the ticks and events that are new since the last call."""
+        while batch := self._stream.read():
+            self._add(batch)
+        if self._file:
+            self._monitor(self._file)
+
+    def _add(self, batch: Batch) -> None:
+        written = 0
+        messages = messages_of(batch.rows) if self._file else []
+        times = batch.rows[:, 0].tolist()
+        for number, event in batch.events:
+            if is_note(event["fault"], event["source"]):
+                self._progress.note = event["text"]
+            if self._file:
+                until = max(written, min(number - batch.first + 1, len(messages)))
+                self._write(self._file, messages[written:until], times[written:until])
+                self._file.event(event)
+                written = until
+        if self._file:
+            self._write(self._file, messages[written:], times[written:])
+        if times:
+            self._ticks += len(times)
+            self._last = batch.rows[-1]
+            self._progress.show(times[-1], self._status)
+
+    @staticmethod
+    def _write(file: McapFile, messages: list[bytes], times: list[float]) -> None:
+        for message, t in zip(messages, times, strict=True):
+            file.tick(message, t)
+
+    def _monitor(self, file: McapFile) -> None:
+        """Flush and check the file if it is time to do so; report the first problem.
+
+        A problem is a write error, or a file that is no longer at its path.
         """
-        status = self._status()
-        if status is None or status["problem"]:
-            self.process.kill()
-            self._release()
-            cause = status["problem"] if status else "the recorder did not start"
-            raise InputError(f"{self.path or 'progress line'}: recording failed: {cause}")
-        with contextlib.suppress(BrokenPipeError):
-            os.write(self._pipe, number_frame(BEGIN, start))
-        if sys.platform == "linux":
-            import fcntl
+        now = time.monotonic()
+        if now - self._flushed >= FLUSH:
+            self._flushed = now
+            file.flush()
+        problem = file.failure
+        if now - self._checked >= CHECK:
+            self._checked = now
+            problem = problem or file.missing
+        if problem and not self._is_reported:
+            self._is_reported = True
+            ends = "the trial ends" if file.failure else "the run continues"
+            self._progress.report(f"teleop: {self._path}: {problem}: {ends}")
 
-            fcntl.fcntl(self._pipe, fcntl.F_SETPIPE_SZ, PIPE_SIZE)
-        if not self._wait and hasattr(os, "set_blocking"):
-            os.set_blocking(self._pipe, False)
+    def finish(self) -> dict[str, Any]:
+        """Record the last ticks, close the file, and return the status of the recording.
 
-    def push(self, message: bytes) -> None:
-        """Send a tick to the recorder; keep it if the pipe is full, and drop it above `BACKLOG`."""
-        if self._failure:
-            return
-        waiting = self._waiting
-        if len(waiting) < self._most:
-            waiting.append(self._head + message)
-            self._pushed += 1
-        else:
-            self.dropped += 1
-        try:
-            for _ in range(min(CATCH_UP, len(waiting))):
-                if rest := waiting[0][os.write(self._pipe, waiting[0]) :]:
-                    waiting[0] = rest
-                    return
-                waiting.popleft()
-        except BlockingIOError:
-            pass
-        except OSError:
-            self._failure = "the recorder was killed"
-
-    def event(self, event: Event) -> None:
-        """Keep an event. The next `push` sends it before its own message, or `close` sends it.
-
-        The message of the tick of the event was pushed before the event.
+        `problem` is a text or empty, `at_path` states whether the file is still at its path,
+        `ticks` and `dropped` are the numbers of recorded and of missed ticks. A file without a tick
+        is removed.
         """
-        data = json.dumps(event_record(event)).encode()
-        self._waiting.append(FRAME.pack(EVENT, len(data)) + data)
-
-    def close(self) -> Outcome:
-        """Wait until the recorder has completed the file, and return the result of the recording.
-
-        If an exception, such as KeyboardInterrupt, interrupts the wait, the recorder is killed.
-        """
-        assert self.process.stdin
-        if self.process.stdin.closed:
-            return Outcome(self.path, 0, 0, self._failure)
-        try:
-            return self._finish()
-        except BaseException:
-            self.process.kill()
-            self._release()
-            raise
-
-    def _finish(self) -> Outcome:
-        assert self.process.stdin
-        with self._timeout():
-            with contextlib.suppress(OSError):
-                if hasattr(os, "set_blocking"):
-                    os.set_blocking(self._pipe, True)
-                for data in self._waiting:
-                    os.write(self._pipe, data)
-                os.write(self._pipe, number_frame(END, self.dropped))
-            with contextlib.suppress(OSError):
-                self.process.stdin.close()
-        status = self._status()
-        if status is None:
-            self.process.kill()
-            status = {"problem": self._failure or "the recorder was killed"}
-        self._release()
-        at_path = status.get("at_path", True)
-        return Outcome(self.path, self._pushed, self.dropped, status["problem"], at_path)
-
-    def _release(self) -> None:
-        """Close the pipes of the recorder process, and wait until the process has ended."""
-        assert self.process.stdin
-        assert self.process.stdout
-        with contextlib.suppress(OSError):
-            self.process.stdin.close()
-        self.process.stdout.close()
-        self.process.wait()
-
-    def _status(self) -> dict[str, Any] | None:
-        """Return the next status (see `process.send`); None if the recorder has ended or hangs."""
-        assert self.process.stdout
-        with self._timeout():
-            line = self.process.stdout.readline()
-        status: dict[str, Any] | None = json.loads(line) if line.endswith(b"\n") else None
+        self.advance()
+        dropped = self._stream.missed
+        status = {"problem": "", "at_path": True, "ticks": self._ticks, "dropped": dropped}
+        if file := self._file:
+            file.end(dropped)
+            missing = file.missing
+            file.close()
+            if not (self._ticks or missing):
+                file.remove()
+            status |= {"problem": file.failure or missing, "at_path": not missing}
+        self._progress.close()
         return status
 
-    @contextlib.contextmanager
-    def _timeout(self) -> Iterator[None]:
-        """Kill the recorder if the `with` block takes longer than `TIMEOUT`."""
-        watchdog = threading.Timer(TIMEOUT, self.process.kill)
-        watchdog.start()
-        try:
-            yield
-        finally:
-            watchdog.cancel()
+    def _status(self) -> Status:
+        assert self._last is not None
+        tick = dict(zip(self._names, self._last.tolist(), strict=True))
+        mode = Mode(int(tick["mode"]))
+        estimates = [
+            Shown(
+                name,
+                tick[f"{name}_k"],
+                LEVEL_95 * tick[f"{name}_k_std"],
+                tick[f"{name}_b"],
+                LEVEL_95 * tick[f"{name}_b_std"],
+                tick[f"{name}_misfit"],
+            )
+            for name in self._stream.schema.estimators
+        ]
+        without_sample = all(math.isnan(one.k) for one in estimates)
+        if not (without_sample and mode is Mode.ACTIVE):
+            self._estimates = estimates
+        return Status(
+            mode.name.lower(),
+            tick["target"],
+            tick["slave_position"],
+            None if tick["contact"] == 0.0 else self._estimates,
+        )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,12 +15,11 @@ from estimation import Estimates, Regression
 from estimation.arrays import Floats
 from estimation.estimate_columns import estimates_in, estimators_in, misfit_in
 from teleop.errors import MissingColumn
-from teleop.recording.columns import REGRESSOR
 from teleop.recording.gaps import Gap, missing_ticks
 from teleop.recording.mcap_checks import check_memory
-from teleop.recording.message import CDR, FIELD, tick_values
-from teleop.recording.sinks import reported_fault
-from teleop.recording.stream import OF_GAPS, RecordingStream, dropped_in_all
+from teleop.recording.stream import OF_GAPS, RecordingStream
+from teleop.safety import Fault
+from teleop.streams.columns import REGRESSOR, Schema
 
 if TYPE_CHECKING:
     import pandas
@@ -162,25 +161,32 @@ def missing_column(name: str, columns: Iterable[str]) -> MissingColumn:
     )
 
 
-def from_messages(
-    definition: str,
-    messages: bytes | bytearray,
+def from_columns(
+    schema: Schema,
+    columns: dict[str, Floats],
     events: list[dict[str, Any]],
-    metadata: dict[str, dict[str, str]],
+    metadata: Mapping[str, Mapping[str, str]],
 ) -> Recording:
-    """Return a recording from the messages of its ticks, one after another, and its other data."""
-    fields = FIELD.findall(definition)
-    rows = np.frombuffer(messages, dtype=np.uint8).reshape(-1, len(CDR) + 8 * len(fields))
-    units = {name: unit for name, unit, _ in fields}
-    columns = dict(zip(units, tick_values(rows), strict=True))
+    """Return a recording from the columns of a stream, and its other data."""
     return Recording(
         columns=columns,
-        units=units,
+        units={column.name: column.unit for column in schema.columns},
         events=events,
-        session=metadata.get("session", {}),
+        session=dict(metadata.get("session", {})),
         settings=json.loads(metadata.get("settings", {}).get("json", "{}")),
-        gaps=gaps_of(columns, dropped_in_all(metadata)),
+        gaps=gaps_of(columns),
     )
+
+
+def reported_fault(events: Sequence[dict[str, Any]]) -> dict[str, Any] | None:
+    """Return the event of the fault that a trial reports; None if there was no fault.
+
+    This is the first fault, because later faults can be its effects. There is one exception: if the
+    slave moved after the stop, this is reported.
+    """
+    faults = [event for event in events if event["fault"]]
+    worst = (event for event in faults if event["fault"] == Fault.MOVES_AFTER_STOP)
+    return next(worst, faults[0] if faults else None)
 
 
 def stated_settings(settings: Mapping[str, Any]) -> dict[str, Any]:

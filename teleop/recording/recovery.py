@@ -11,8 +11,8 @@ from teleop.files import unwritable
 from teleop.recording.gaps import Gap
 from teleop.recording.mcap_reader import CUT, Contents, read_ticks
 from teleop.recording.mcap_writer import McapFile
-from teleop.recording.message import FIELD, TIME
 from teleop.recording.stream import RecordingStream
+from teleop.streams.message import FIELD, TIME
 
 CHUNK = 1000
 """Number of ticks per chunk of the new MCAP file."""

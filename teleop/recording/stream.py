@@ -16,7 +16,7 @@ from teleop.errors import InputError
 from teleop.recording.gaps import Gap, GapFinder
 from teleop.recording.mcap_reader import Contents, read_ticks
 from teleop.recording.mcap_writer import END
-from teleop.recording.message import FIELD, tick_values
+from teleop.streams.message import FIELD, tick_values
 
 BLOCK = 1 << 14
 """Smallest number of ticks in a block; the last block may be smaller."""

@@ -20,17 +20,19 @@ from teleop.control.clock import Clock
 from teleop.control.conditions import Condition
 from teleop.control.tare import Tare
 from teleop.errors import InputError
-from teleop.recording.black_box import BlackBox
-from teleop.recording.columns import Layout
+from teleop.recording.recording import reported_fault
 from teleop.rig.drive_report import DriveReport, Stroke, drive_report
 from teleop.rig.pausable_rig import PausableRig
 from teleop.rig.zeroing import ForceZero, force_zero
 from teleop.safety import Limits
 from teleop.safety.rig_limits import rig_limits
 from teleop.settings.trial_settings import TrialSettings
+from teleop.streams.columns import Layout
+from teleop.streams.stream import STORED, Stream
 from teleop.trial.arming import motion_text
 from teleop.trial.assembly import make_controller
 from teleop.trial.loop import Loop
+from teleop.trial.readers import Readers
 from teleop.trial.stop_switch import StopSwitch
 
 BAND = 0.25
@@ -349,13 +351,12 @@ def check_drives(rig: WiredRig, clock: Clock, move: bool) -> DrivesReport:
         tare=Tare(zero.master, zero.contact, zero.position),
         custom_limits=about,
     )
-    bank = settings.estimation_preset.bank()
-    layout = Layout(bank)
-    box = BlackBox(layout, settings.loop_rate)
-    controller = make_controller(settings, tested, bank, clock, test)
+    layout = Layout(settings.estimation_preset.bank())
+    stream = Stream(layout, round(STORED * settings.loop_rate))
+    controller = make_controller(settings, tested, clock, test)
     try:
         with StopSwitch(key=True) as switch, switch.reading_keys():
-            Loop(controller, clock, layout, [box], switch, settings.duration).run()
+            Loop(controller, clock, stream, Readers(), switch, settings.duration).run()
     except BaseException:
         rig.idle()
         raise
@@ -372,4 +373,4 @@ def check_drives(rig: WiredRig, clock: Clock, move: bool) -> DrivesReport:
         )
         for name in drives
     ]
-    return DrivesReport(reports, box.fault, switch.interrupted)
+    return DrivesReport(reports, reported_fault(stream.events), switch.interrupted)

@@ -62,7 +62,6 @@ class Fault(StrEnum):
     PORT_ENERGY = "energy at the handle"
     OSCILLATION = "oscillation"
     CONTROL_FAILURE = "control failure"
-    ESTIMATION_FAILURE = "estimation failure"
     PAGE_LOST = "live page lost"
 
 

@@ -30,7 +30,7 @@ FAULTS = tuple(Fault)
 class ConnectionValues(NamedTuple):
     """Values of the connection that a station records at one tick.
 
-    `teleop.recording.columns.STATION_COLUMNS` states the meaning and the unit of each value.
+    `teleop.streams.columns.STATION_COLUMNS` states the meaning and the unit of each value.
     """
 
     sent_datagrams: float

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 from drivers import Rig
-from estimation import Bank, Estimator
+from estimation import Estimator
 from estimation.estimate_columns import Column
 from sim_backend import (
     DEPTH,
@@ -24,17 +24,16 @@ from teleop.control.channel import ChannelSettings
 from teleop.control.clock import Clock, RealClock, VirtualClock
 from teleop.control.conditions import Condition, Followed
 from teleop.control.controller import Controller
-from teleop.control.estimates import Estimation
 from teleop.control.feedback.law import LawInputs
 from teleop.control.link import DirectLink, Link, LinkSettings
 from teleop.control.sides import MasterSide, SlaveSide
 from teleop.errors import InputError
-from teleop.recording.columns import FEEDBACK_COLUMNS, STATION_COLUMNS, Layout
 from teleop.settings.custom_class import called, create
 from teleop.settings.feedback_checks import expected_stiffness
 from teleop.settings.trial_settings import TrialSettings
 from teleop.station.links import MasterLink, SlaveLink
 from teleop.station.station import Station
+from teleop.streams.columns import FEEDBACK_COLUMNS, STATION_COLUMNS, Layout
 
 LINK_GAIN = 20.0
 """Gain from the position error of the slave to the velocity of the slave [1/s].
@@ -218,10 +217,7 @@ def make_layout(
     bank: Mapping[str, Estimator],
     pointer: PointerOperator | None = None,
 ) -> Layout:
-    """Return the layout of a message: which values it contains, and in which order.
-
-    A message contains the recorded values of one tick.
-    """
+    """Return the columns of a trial, which the loop and the estimation write."""
     link: tuple[Column, ...] = FEEDBACK_COLUMNS if settings.has_link else ()
     if settings.station:
         link = (*link, *STATION_COLUMNS)
@@ -231,22 +227,19 @@ def make_layout(
 def make_controller(
     settings: TrialSettings,
     rig: Rig,
-    bank: Bank,
     clock: Clock,
     condition: Condition | None = None,
-    estimation: Estimation | None = None,
     station: Station | None = None,
 ) -> Controller:
     """Return a new controller, with the zero offsets and the safety limits of the settings.
 
-    `condition`: None to create it from the settings. `estimation`: None to update them within each
-    tick. `station`: the session with the other station; None if this computer has both sides.
+    `condition`: None to create it from the settings. `station`: the session with the other
+    station; None if this computer has both sides.
     """
     return Controller(
         rig,
         condition or make_condition(settings),
         make_station_link(settings, station) if station else make_link(settings),
-        estimation or Estimation(settings.make_conditioner(), bank),
         1.0 / settings.loop_rate,
         settings.limits,
         settings.tare,

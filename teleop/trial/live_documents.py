@@ -14,9 +14,9 @@ from estimation.registry import BUILT_IN
 from estimation.transmission import RIGID as UNKNOWN_TRANSMISSION
 from teleop.control.channel import ChannelSettings
 from teleop.control.feedback.law import STIFF_PRIOR
-from teleop.recording.columns import COLUMNS, DROPPED, POINTER
 from teleop.recording.recording import Recording
 from teleop.settings.trial_settings import TrialSettings
+from teleop.streams.columns import COLUMNS, DROPPED, POINTER
 from teleop.trial.recorded_trial import recorded_truth, trial_settings, truth
 
 if TYPE_CHECKING:

@@ -10,31 +10,22 @@ from typing import Any
 
 from sim_backend import PointerOperator
 from teleop.errors import InputError, reason
-from teleop.json_documents import dumps
 from teleop.live.cells import PROCESS, SIZE, STOP, CellReader
-from teleop.live.ring import SLOTS, RingWriter, ring_size
-from teleop.live.shared_file import SharedFile
-from teleop.recording.columns import Layout
-from teleop.recording.message import CDR, MESSAGE_NAME
-from teleop.recording.sinks import Outcome, Sink, event_record
-from teleop.safety import Event
 from teleop.settings.trial_settings import TrialSettings
-from teleop.trial.child_process import LIVE_PROCESS, ChildProcess
+from teleop.streams.child_process import LIVE_PROCESS, ChildProcess
+from teleop.streams.shared_file import SharedFile
+from teleop.streams.stream import Stream
 from teleop.trial.live_documents import result_document, trial_document
 from teleop.trial.page_requests import WAITING_SILENCE, PagePointer, PageRequests
 from teleop.trial.result import Trial
 
-EVENT_SLOTS, EVENT_SIZE = 128, 8192
-"""Largest number of events in the ring buffer of events, and largest size of an event [bytes]. The
-texts of an event have up to 500 characters, each of which needs up to 12 bytes (see `dumps`)."""
 
+class LiveLink:
+    """Starts the live process, and announces one or more trials to it.
 
-class LiveLink(Sink):
-    """Starts the live process, and sends it the data of one or more trials.
-
-    The data are the recorded values of each tick and the events. A `port` of 0 is any free port;
-    without a port `foxglove`, there is no server of the Foxglove protocol. `page` is the live
-    process, if it was started before.
+    The live process reads the stream of each trial. A `port` of 0 is any free port; without a port
+    `foxglove`, there is no server of the Foxglove protocol. `page` is the live process, if it was
+    started before.
 
     Attributes
     ----------
@@ -54,7 +45,6 @@ class LiveLink(Sink):
 
     def __init__(
         self,
-        size: int,
         host: str,
         port: int,
         by_page: bool,
@@ -72,37 +62,32 @@ class LiveLink(Sink):
         """Number of the latest question, see `ask`."""
         self.by_page, self._has_pointer = by_page, pointer
         self._children: list[ChildProcess] = []
-        sizes = {"ring": (SLOTS, size), "events": (EVENT_SLOTS, EVENT_SIZE)}
-        with contextlib.ExitStack() as names, contextlib.ExitStack() as started:
-            files: dict[str, SharedFile] = {}
-            try:
-                for name in (*sizes, "cells"):
-                    needed = ring_size(*sizes[name]) if name in sizes else SIZE
-                    files[name] = SharedFile.create(needed)
-                    names.callback(files[name].remove)
-            except OSError as error:
-                raise InputError(f"live page: cannot be started: {reason(error)}") from error
+        try:
+            cells = SharedFile.create(SIZE)
+        except OSError as error:
+            raise InputError(f"live page: cannot be started: {reason(error)}") from error
+        with contextlib.ExitStack() as started:
             started.callback(self.end)
-            paths = {name: str(file.path) for name, file in files.items()}
             welcome = {"may_arm": by_page, "pointer": pointer, "choices": choices}
-            session = {"files": paths, "host": host, "port": port, "welcome": welcome, **sizes}
+            session = {"cells": str(cells.path), "host": host, "port": port, "welcome": welcome}
             self._page = page or ChildProcess(LIVE_PROCESS)
             self._children.append(self._page)
             if foxglove is not None:
-                self._children.append(ChildProcess("teleop.live.foxglove_process"))
-            self._page.begin(session)
+                self._children.append(ChildProcess("teleop.live.foxglove_process", "Foxglove"))
+            try:
+                self._page.begin(session)
+            finally:
+                cells.remove()
             for viewers in self._children[1:]:
-                viewers.begin({"files": paths, "foxglove": foxglove, **sizes})
+                viewers.begin({"foxglove": foxglove})
             started.pop_all()
         self.url = self._page.url
         self.foxglove_url = self._children[1].url if foxglove is not None else ""
-        self._cells = CellReader(files["cells"].buffer)
+        self._cells = CellReader(cells.buffer)
         self._beats, self._heard = 0, monotonic()
         """Number of heartbeats at the latest call of `is_running`, and time of the last change."""
         self._stops = 0
         """Number of STOP requests of the live page that had arrived when the last trial ended."""
-        self._ring = RingWriter(files["ring"].buffer, *sizes["ring"])
-        self._events = RingWriter(files["events"].buffer, *sizes["events"])
 
     def make_operator(self) -> PointerOperator | None:
         """Return a new simulated operator, whose hand follows the pointer of the live page.
@@ -111,18 +96,12 @@ class LiveLink(Sink):
         """
         return PointerOperator(PagePointer(self._cells)) if self._has_pointer else None
 
-    def begin(self, settings: TrialSettings, layout: Layout) -> PageRequests:
-        """Announce a trial to the live process."""
+    def begin(self, settings: TrialSettings, stream: Stream) -> PageRequests:
+        """Announce a trial to the live process, which opens its stream."""
         self.trials += 1
         begin = {
             "type": "begin",
-            "first": self._ring.newest + 1,
-            "first_event": self._events.newest + 1,
-            "offset": len(CDR),
-            "message": MESSAGE_NAME,
-            "definition": layout.definition,
-            "columns": [column._asdict() for column in layout.columns],
-            "estimators": layout.estimators,
+            "stream": stream.document,
             "rate": settings.loop_rate,
             "trial": trial_document(settings, self.trials, self.position, self.of),
             "by_page": self.by_page,
@@ -134,26 +113,10 @@ class LiveLink(Sink):
             child.tell(begin)
         return requests
 
-    def push(self, message: bytes) -> None:
-        """Send all recorded values of one tick to the live process.
-
-        `message` contains these values as bytes. It is written to a ring buffer in shared memory,
-        from which the live process reads it.
-        """
-        self._ring.write(message)
-
-    def event(self, event: Event) -> None:
-        """Send an event to the live process, through a ring buffer in shared memory."""
-        self._events.write(dumps(event_record(event)).encode())
-
-    def close(self) -> Outcome:
-        """Announce the end of the trial to the live process, which continues to run.
-
-        The returned `Outcome` is empty, because this object does not write a recording.
-        """
+    def end_trial(self) -> None:
+        """Announce the end of the trial to the live process, which continues to run."""
         self._stops = self._cells.counts[STOP]
         self.tell({"type": "end", "text": ""})
-        return Outcome(None, 0, 0, "")
 
     def show_result(self, trial: Trial) -> None:
         """Evaluate a trial, and send its results to the live process, which shows them in the page.
@@ -220,7 +183,7 @@ class LiveLink(Sink):
         """End the processes that show the data.
 
         Before it ends, the live process reports the end to the open live pages. A process that does
-        not end within `teleop.trial.child_process.END_TIME` is killed.
+        not end within `teleop.streams.child_process.END_TIME` is killed.
         """
         for child in self._children:
             child.ask_to_end()

@@ -1,17 +1,16 @@
-"""Run the control loop of a trial until standstill, and pass the data of each tick to the sinks."""
+"""Run the control loop of a trial until standstill, and write each tick to the stream."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 
 from drivers import RigError
 from teleop.control.clock import Clock
 from teleop.control.controller import Controller
 from teleop.recording.black_box import AFTER
-from teleop.recording.columns import Layout
-from teleop.recording.sinks import Sink
 from teleop.safety.events import ACTIVE, FAULT, IDLE, Event, Fault, is_note
+from teleop.streams.stream import Stream
+from teleop.trial.readers import Readers
 from teleop.trial.stop_switch import StopSwitch
 
 END = "end of the trial"
@@ -31,16 +30,16 @@ class Loop:
         self,
         controller: Controller,
         clock: Clock,
-        layout: Layout,
-        sinks: Sequence[Sink],
+        stream: Stream,
+        readers: Readers,
         switch: StopSwitch,
         duration: float,
     ) -> None:
         self.controller = controller
         self.ticks = 0
         self._clock = clock
-        self._layout = layout
-        self._sinks = sinks
+        self._stream = stream
+        self._readers = readers
         self._switch = switch
         self._last = duration - 0.5 * clock.period
         self._end = ""
@@ -67,34 +66,25 @@ class Loop:
             pass
 
     def end_unstopped(self, text: str) -> None:
-        """Pass the fault to the sinks that a drive did not confirm the stop after the last tick.
+        """Write the fault that a drive did not confirm the stop after the last tick.
 
-        `text` describes the fault. If it was detected in the loop already, nothing is passed.
+        `text` describes the fault. If it was detected in the loop already, nothing is written.
         """
         if not self._unstopped:
             now, source = self._time, Fault.NOT_STOPPED
-            event = Event(now, FAULT, f"{source}: {text}", source, text, since=now)
-            for sink in self._sinks:
-                sink.event(event)
+            self._stream.event(Event(now, FAULT, f"{source}: {text}", source, text, since=now))
 
     def step(self) -> bool:
         """Run one tick, and return whether the loop continues."""
         tick = self._clock.wait()
         request = self._switch.request(not self._armed, self._end)
         record = self.controller.tick(tick, request)
-        sinks, dropped = self._sinks, 0
-        for sink in sinks:
-            dropped += sink.dropped
-            self._end = self._end or sink.end_reason
-        message = self._layout.pack(record, dropped)
-        for sink in sinks:
-            sink.push(message)
+        self._stream.write(record)
         self.ticks += 1
         self._elapsed += 1 + tick.skipped
         self._time = record.t
         for event in record.events:
-            for sink in self._sinks:
-                sink.event(event)
+            self._stream.event(event)
             self._unstopped |= event.fault is Fault.NOT_STOPPED
             if event.mode is ACTIVE and not is_note(event.fault, event.source):
                 self._armed, self._begin = True, event.time
@@ -102,6 +92,8 @@ class Loop:
                 self._leave = self._elapsed + AFTER * self._clock.rate
         if not (self._armed or self._switch.arms):
             self._begin = record.t
+        self._readers.after_tick(record.t)
+        self._end = self._end or self._readers.end_reason
         if record.t - self._begin >= self._last or self.controller.finished:
             self._end = self.controller.ending or self._end or END
         if record.mode is not IDLE or self.error:

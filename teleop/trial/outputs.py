@@ -1,33 +1,36 @@
-"""Pass the ticks of a trial to the sinks: recorder, memory, black box and live page."""
+"""The stream of a trial and its readers: recording, estimates, progress line, live page."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from estimation import Bank
-from teleop.errors import InputError
+from teleop.errors import InputError, reason
 from teleop.files import FAULT_REPORT, unwritable
-from teleop.recording.black_box import BlackBox
-from teleop.recording.columns import Layout
-from teleop.recording.recorder import RecorderProcess
-from teleop.recording.recording import Recording, from_messages
+from teleop.recording.black_box import AFTER, BEFORE, write_black_box
+from teleop.recording.recording import Recording, from_columns, reported_fault
 from teleop.recording.recording_file import RecordingFile, recorded_ticks
-from teleop.recording.sinks import Memory, Outcome, Sink
 from teleop.settings.trial_settings import TrialSettings
-from teleop.trial.later_estimates import LaterEstimates
-from teleop.trial.live_link import LiveLink
+from teleop.streams.columns import Layout
+from teleop.streams.stream import STORED, Stream
 from teleop.trial.metadata import session_metadata
-from teleop.trial.precision import Precision, PrecisionInLoop, PrecisionProcess
+from teleop.trial.readers import Outcome, Readers, ReadersInLoop, ReadersInProcesses
 from teleop.trial.stop_switch import StopSwitch
+from teleop.trial.viewer import Viewer
+
+LONGER = 10.0
+"""Time for which ticks are stored in addition to the duration of a trial, without a recording [s].
+It contains the time before arming, and the end of the trial."""
 
 
 class Outputs:
-    """Creates the sinks of a trial, closes them, and provides what they kept.
+    """Creates the stream of a trial and its readers, closes them, and provides the ticks.
 
-    The ticks are recorded by another process (`record`), or kept in memory. The black box keeps
-    those before and after a fault. `live` and the progress line (`show`) only show them.
+    The ticks are recorded to the file `record`, or else the ring has room for all ticks of the
+    trial. The ring contains the ticks before and after a fault in any case.
     """
 
     def __init__(
@@ -39,117 +42,98 @@ class Outputs:
         record: Path | None,
         overwrite: bool,
         show: bool,
-        live: LiveLink | None,
-        further: Sequence[Sink] = (),
+        viewers: Sequence[Viewer] = (),
     ) -> None:
         self._record = record
-        self._layout = layout
         self._metadata = session_metadata(settings)
         self._start = 0
-        self._recorder = None
-        if record or show:
-            target = settings.target
-            self._recorder = RecorderProcess(
-                record,
-                layout,
-                self._metadata,
-                settings.duration,
-                show,
-                settings.clock == "virtual",
-                overwrite,
-                switch.hint,
-                "" if switch.explained else switch.instructions,
-                (target.depth, target.count_in) if target else None,
-            )
-        self._memory = None if record else Memory()
-        self._box = BlackBox(layout, settings.loop_rate)
-        # the recorder first: `close` reads its outcome
-        self._sinks: list[Sink] = [
-            sink for sink in (self._recorder, self._memory, self._box, live, *further) if sink
-        ]
-        self.later: LaterEstimates | None = None
-        """Computes the estimates after the ticks; None if they are computed within each tick."""
-        if settings.clock == "virtual" and not live:
-            conditioner = settings.make_conditioner()
-            self.later = LaterEstimates(conditioner, bank, layout, self._sinks)
-        self._precision: Precision | None = None
+        self._before = round((BEFORE + AFTER) * settings.loop_rate) + 1
+        self._viewers = viewers
+        in_loop = settings.clock == "virtual"
+        stored = STORED if record else settings.duration + LONGER
+        shared = not in_loop or bool(viewers)
+        try:
+            self.stream = Stream(layout, math.ceil(stored * settings.loop_rate), shared)
+        except OSError as error:
+            raise InputError(f"no memory for the ticks of the trial: {reason(error)}") from error
+        target = settings.target
+        recording: dict[str, Any] = {
+            "path": str(record) if record else None,
+            "metadata": self._metadata,
+            "overwrite": overwrite,
+            "duration": settings.duration,
+            "show": show,
+            "hint": switch.hint,
+            "instructions": "" if switch.explained else switch.instructions,
+            "cue": (target.depth, target.count_in) if target else None,
+        }
+        recorded = recording if record or show else None
+        precision: dict[str, Any] | None = None
         if settings.until:
-            in_loop = settings.clock == "virtual"
-            kind = PrecisionInLoop if in_loop else PrecisionProcess
-            self._precision = kind(
-                settings.until,
-                layout,
-                self._metadata,
-                settings.duration,
-                settings.loop_rate,
-                self.sinks,
-            )
-        self.outcome = Outcome(None, 0, 0, "")
+            precision = {
+                "wanted": settings.until.text,
+                "metadata": self._metadata,
+                "duration": settings.duration,
+            }
+        self.readers: Readers
+        try:
+            if in_loop:
+                self.readers = ReadersInLoop(self.stream, settings, bank, recorded, precision)
+            else:
+                self.readers = ReadersInProcesses(self.stream, settings, recorded, precision)
+        except BaseException:
+            self.stream.close()
+            raise
+        self.outcome = Outcome()
         self.black_box: Path | None = None
         """Folder with the ticks before and after a fault; None if none was written."""
         self.black_box_problem = ""
         """Reason why the black box could not be written."""
 
     @property
-    def sinks(self) -> Sequence[Sink]:
-        """What receives the ticks from the loop."""
-        others: list[Sink] = [self.later] if self.later else self._sinks
-        return [*others, self._precision] if self._precision else others
-
-    @property
-    def recorder_pid(self) -> int | None:
-        """Process of the recorder, if there is one."""
-        return self._recorder.process.pid if self._recorder else None
-
-    @property
     def fault(self) -> dict[str, Any] | None:
         """Event of the fault that the trial reports."""
-        return self._box.fault
+        return reported_fault(self.stream.events)
 
     def begin(self, start: int) -> None:
-        """Begin the recording. `start` is the expected time of the first tick, Unix time [ns]."""
+        """Begin to read. `start` is the expected time of the first tick, Unix time [ns]."""
         self._start = start
-        if self._recorder:
-            self._recorder.begin(start)
-        if self._precision:
-            self._precision.begin()
+        self.readers.begin(start)
 
-    def close(self, ticks: int) -> None:
-        """Close all sinks, whatever fails. `ticks` is the number of ticks of the loop."""
-        self.outcome = Outcome(None, ticks, 0, "")
+    def close(self) -> None:
+        """End all readers."""
         try:
-            if self._precision:
-                self._precision.close()
-            if self.later:
-                self.later.close()
+            self.outcome = self.readers.close()
         finally:
-            outcomes = [sink.close() for sink in self._sinks]
-            if self._record:
-                self.outcome = outcomes[0]
+            self.stream.close()
 
     def ticks(self) -> Recording | RecordingFile:
-        """Return all ticks; those of the black box if the file of the recording was lost."""
-        if self._memory:
-            messages, events = self._memory.messages, self._memory.events
-            return from_messages(self._layout.definition, messages, events, self._metadata)
-        assert self._record
-        recorded = recorded_ticks(self._record) if self.outcome.at_path else None
-        return recorded or self._box.recording(self._metadata)
+        """Return all ticks; those in the ring if the file of the recording was lost."""
+        recorded = recorded_ticks(self._record) if self._record and self.outcome.at_path else None
+        return recorded or self._kept(1)
+
+    def _kept(self, first: int) -> Recording:
+        """Return the ticks from a number on that are in the ring."""
+        stream = self.stream
+        columns = stream.reader().columns(first, stream.newest + 1)
+        return from_columns(stream.schema, columns, stream.events, self._metadata)
 
     def write_black_box(self) -> None:
         """Write the ticks around a fault, and its report, to a folder beside the recording."""
-        if not (self._record and self._box.fault):
+        if not (self._record and self.fault):
             return
         from teleop.output.fault_report import write_fault_report  # matplotlib: after the loop
 
         folder = self._record.with_suffix(FAULT_REPORT)
+        kept = self._kept(self.stream.newest + 1 - self._before)
+        columns = self.stream.schema.columns
         try:
             try:
                 folder.mkdir(parents=True, exist_ok=True)
             except OSError as error:
                 raise unwritable(folder, error) from error
-            self._box.write(folder / "ticks.mcap", self._metadata, self._start)
-            write_fault_report(folder, self._box.recording(self._metadata), self._box.fault)
+            write_black_box(folder / "ticks.mcap", columns, kept, self._metadata, self._start)
+            write_fault_report(folder, kept, self.fault)
             self.black_box = folder
         except InputError as problem:
             self.black_box_problem = f"black box: {problem}"

@@ -1,159 +1,56 @@
 """End a trial when the result of the evaluation is as precise as wanted.
 
 In virtual time, the record is evaluated within the loop, so that the same seed gives the same end.
-In real time, another process evaluates it: even a thread would delay the loop.
+In real time, another process evaluates it.
 """
 
 from __future__ import annotations
 
-import contextlib
-import os
-from collections.abc import Sequence
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from teleop.control.wanted_precision import WantedPrecision
-from teleop.errors import InputError, reason
-from teleop.live.ring import RingWriter, ring_size
-from teleop.live.shared_file import SharedFile
-from teleop.recording.columns import Layout
-from teleop.recording.message import TIME
-from teleop.recording.recording import from_messages
-from teleop.recording.sinks import Outcome, Sink, event_record
-from teleop.safety import Event
-from teleop.safety.events import ACTIVE, is_note
-from teleop.trial.child_process import START_TIME, ChildProcess
+from teleop.safety.events import is_note
+from teleop.streams.stream import StreamReader, columns_of
 
 if TYPE_CHECKING:
-    from teleop.trial.precision_watch import PrecisionWatch
+    from teleop.trial.precision_watch import Finding, PrecisionWatch
 
 SOURCE = "precision"
 """Source of the events that state the precision."""
-STORED = 5.0
-"""Time for which the ring buffer stores ticks, while the process evaluates the earlier ones [s]."""
-POLL = 50
-"""Number of ticks between two looks for an answer of the process that evaluates."""
 
 
-class Precision(Sink):
-    """Ends a trial when it is as precise as wanted, and states the precision until then.
+class PrecisionReader:
+    """Evaluates the ticks of a stream again and again, from the moment when the drives are armed.
 
-    `sinks` get each statement as an event. `begin` must be called before the first tick.
+    `session` has the `wanted` precision as text, the `metadata` of the recording, and the
+    `duration` of the trial.
     """
 
-    def __init__(
-        self,
-        wanted: WantedPrecision,
-        layout: Layout,
-        metadata: dict[str, dict[str, str]],
-        duration: float,
-        rate: float,
-        sinks: Sequence[Sink],
-    ) -> None:
-        self._session: dict[str, Any] = {
-            "wanted": wanted.text,
-            "definition": layout.definition,
-            "metadata": metadata,
-            "duration": duration,
-        }
-        self._wanted, self._sinks = wanted, sinks
-        self._pushed = 0
-        self._open(layout, rate)
+    def __init__(self, session: Mapping[str, Any], stream: StreamReader) -> None:
+        self._session = session
+        self._stream = stream
+        stream.patience = 0.0  # the evaluation needs no estimates
+        self._watch: PrecisionWatch | None = None
 
-    def _open(self, layout: Layout, rate: float) -> None:
-        """Create what the evaluation needs."""
+    def is_due(self, t: float) -> bool:
+        """Return whether `evaluate` must be called when the newest tick is at t [s]."""
+        return self._watch is None or self._watch.is_due(t)
 
-    def begin(self) -> None:
-        """Prepare the evaluation."""
+    def evaluate(self) -> Finding | None:
+        """Read the new ticks; return the precision so far, or None if no evaluation is due."""
+        t = 0.0
+        while batch := self._stream.read():
+            for _, event in batch.events:
+                if (
+                    self._watch is None
+                    and event["mode"] == "active"
+                    and not is_note(event["fault"], event["source"])
+                ):
+                    from teleop.trial.precision_watch import watch_of  # imports scipy: slow
 
-    def event(self, event: Event) -> None:
-        """Begin the evaluation when the drives are armed."""
-        if event.mode is ACTIVE and not is_note(event.fault, event.source):
-            self._arm(event_record(event))
-
-    def _arm(self, event: dict[str, Any]) -> None:
-        """Begin the evaluation. The argument is the event at which the drives were armed."""
-
-    def _state(self, t: float, text: str, is_reached: bool) -> None:
-        """Pass an event with the precision at the time t [s] to the other sinks."""
-        note = Event(t, ACTIVE, f"{self._wanted.text}: {text}", source=SOURCE)
-        for sink in self._sinks:
-            sink.event(note)
-        if is_reached:
-            self.end_reason = text
-
-    def close(self) -> Outcome:
-        """Return the number of received ticks. There is no file to close."""
-        return Outcome(None, self._pushed, 0, "")
-
-
-class PrecisionInLoop(Precision):
-    """Evaluates the record within the loop of a trial in virtual time."""
-
-    _watch: PrecisionWatch | None = None
-    _ticks = bytearray()
-
-    def push(self, message: bytes) -> None:
-        """Receive a tick; evaluate the record if this is due."""
-        self._pushed += 1
-        if self._watch is None:  # the event at which the drives are armed follows its tick
-            self._ticks = bytearray(message)
-            return
-        self._ticks += message
-        t = TIME.unpack_from(message)[0]
-        if self._watch.is_due(t):
-            self._watch.add(from_messages(self._session["definition"], self._ticks, [], {}).columns)
-            self._ticks.clear()
-            self._state(t, *self._watch.evaluate(t))
-
-    def _arm(self, event: dict[str, Any]) -> None:
-        from teleop.trial.precision_watch import watch_of  # imports scipy, which takes long
-
-        self._watch = watch_of(self._session, event)
-
-
-class PrecisionProcess(Precision):
-    """Lets another process evaluate the record of a trial in real time."""
-
-    def _open(self, layout: Layout, rate: float) -> None:
-        if os.name != "posix":
-            raise InputError("until: expected Linux or macOS, or clock virtual")
-        size = round(STORED * rate), layout.size
-        try:
-            self._file = SharedFile.create(ring_size(*size))
-        except OSError as error:
-            raise InputError(f"until: no memory for the ticks: {reason(error)}") from error
-        self._ring = RingWriter(self._file.buffer, *size)
-        self._session |= {"file": str(self._file.path), "ring": size}
-        try:
-            self._process = ChildProcess("teleop.trial.precision_process", "until")
-        except InputError:
-            self._file.remove()
-            raise
-
-    def begin(self) -> None:
-        """Wait until the process is ready, so that its start does not delay the loop."""
-        self._process.tell(self._session)
-        ready = self._process.wait_for_request(START_TIME)
-        self._file.remove()
-        if ready is None:
-            raise InputError("until: the process that evaluates did not start")
-        self._process.move_off()
-
-    def push(self, message: bytes) -> None:
-        """Pass a tick to the process, and look for its answer once per `POLL` ticks."""
-        self._ring.write(message)
-        self._pushed += 1
-        if self._pushed % POLL or self.end_reason:
-            return
-        if answer := self._process.wait_for_request(0.0):
-            self._state(TIME.unpack_from(message)[0], answer["text"], answer["is_reached"])
-
-    def _arm(self, event: dict[str, Any]) -> None:
-        self._process.tell({"armed": event})
-
-    def close(self) -> Outcome:
-        """End the process, and return the number of received ticks."""
-        self._file.remove()
-        with contextlib.suppress(OSError):
-            self._process.end()
-        return super().close()
+                    self._watch = watch_of(self._session, self._stream.schema, event)
+            if self._watch and len(batch.rows):
+                columns = columns_of(self._stream.schema, batch.rows)
+                self._watch.add(columns, batch.is_after_gap)
+                t = float(columns["time"][-1])
+        return self._watch.evaluate(t) if self._watch and t and self._watch.is_due(t) else None

@@ -21,7 +21,8 @@ from teleop.evaluation.batch.analysis import Analysis
 from teleop.evaluation.evaluate import batch_analysis
 from teleop.evaluation.reading.recorded import Sections, measured, with_gaps
 from teleop.evaluation.reading.signals import Signals
-from teleop.recording.recording import Recording, from_messages
+from teleop.recording.recording import Recording, from_columns
+from teleop.streams.columns import Schema
 from teleop.trial.recorded_trial import estimate_settings
 
 FIRST, PERIOD, GROWTH = 1.0, 0.5, 0.05
@@ -101,9 +102,10 @@ class PrecisionWatch:
         return Signals(t, x, f, dt, "slave_position", gaps)
 
 
-def watch_of(session: Mapping[str, Any], event: dict[str, Any]) -> PrecisionWatch:
+def watch_of(session: Mapping[str, Any], schema: Schema, event: dict[str, Any]) -> PrecisionWatch:
     """Return the evaluation of a trial whose drives were armed at this event."""
-    trial = from_messages(session["definition"], b"", [event], session["metadata"])
+    columns = {column.name: np.empty(0) for column in schema.columns}
+    trial = from_columns(schema, columns, [event], session["metadata"])
     return PrecisionWatch(parse_wanted(session["wanted"]), trial, session["duration"])
 
 

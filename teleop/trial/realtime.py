@@ -28,20 +28,15 @@ The priority is above that of the interrupt threads (50) and below that of the k
 """
 SHARED_PRIORITIES = range(60, 50, -1)
 """Priorities of SCHED_FIFO for control loops on shared processors, one for each process."""
-RECORDER_PRIORITY = 40
-"""Priority of SCHED_FIFO for the recorder process, which reads the pipe of the loop.
-
-The priority is above that of all normal processes. The kernel locks the pipe while the recorder
-reads it. If the recorder had to wait for a processor during this time, it would delay the loop. The
-priority is below that of all control loops, because compressing data takes the recorder longer than
-a period of a loop.
-"""
 LIVE_PRIORITY = 20
 """Priority of SCHED_FIFO for the live process, which passes STOP and heartbeats to the loop.
 
 The priority is above that of all normal processes, so that a busy machine does not delay STOP, and
 does not end a trial because the heartbeat is late. The server limits what it processes.
 """
+ESTIMATION_PRIORITY = 10
+"""Priority of SCHED_FIFO for the process of the estimation, so that its results are not late on a
+busy machine. The process leaves a tenth of its processor to others (`run_reader`)."""
 MCL_CURRENT, MCL_FUTURE = 1, 2
 """Flags of mlockall on Linux."""
 DONE = "done"
@@ -170,19 +165,20 @@ class RealTime:
         self._steps = tuple(steps) if mode != "off" else ()
         self._undo = contextlib.ExitStack()
 
-    def start(self, recorder: int | None = None, live: int | None = None) -> None:
-        """Set the real-time priority of this process, directly before the control loop starts."""
+    def start(self, live: int | None = None, estimation: int | None = None) -> None:
+        """Set the real-time priorities, directly before the control loop starts.
+
+        They are those of this process, and of the live process and the estimation, if they exist.
+        """
         if FIFO in self._steps:
             own = self.report.get(PROCESSOR) == DONE
             self._take(FIFO, set_fifo_priority if own else set_shared_fifo_priority)
         if self.report.get(FIFO) == DONE:
-            if recorder:
+            for process, priority in ((live, LIVE_PRIORITY), (estimation, ESTIMATION_PRIORITY)):
                 with contextlib.suppress(OSError):
-                    set_priority(recorder, RECORDER_PRIORITY)
-            if live:
-                with contextlib.suppress(OSError):
-                    set_priority(live, LIVE_PRIORITY)
-                    self._undo.callback(set_normal_priority, live)
+                    if process:
+                        set_priority(process, priority)
+                        self._undo.callback(set_normal_priority, process)
         missing = [f"{name} ({why})" for name, why in self.report.items() if why != DONE]
         if self._mode == "require" and missing:
             raise InputError(

@@ -16,13 +16,14 @@ from teleop.control.channel import ChannelSettings
 from teleop.control.clock import Clock
 from teleop.control.tare import NO_TARE
 from teleop.errors import InputError
-from teleop.recording.black_box import BlackBox
-from teleop.recording.sinks import Memory
+from teleop.recording.recording import reported_fault
 from teleop.safety.events import ACTIVE
 from teleop.safety.tightened_limits import NOT_TIGHTENED
 from teleop.settings.trial_settings import TrialSettings
+from teleop.streams.stream import Stream
 from teleop.trial.assembly import make_clock, make_controller, make_layout, make_simulated_rig
 from teleop.trial.loop import Loop
+from teleop.trial.readers import Readers
 from teleop.trial.stop_switch import StopSwitch
 
 TICKS = 600
@@ -67,12 +68,11 @@ def tick_cost(settings: TrialSettings) -> float:
         duration=2.0 * TICKS / rate,
     )
     clock, bank = make_clock(rehearsal), rehearsal.estimation_preset.bank()
-    layout = make_layout(rehearsal, bank)
-    box = BlackBox(layout, rate)
+    stream = Stream(make_layout(rehearsal, bank), TICKS)
     costs = []
     with make_simulated_rig(rehearsal, clock.now) as rig:
-        controller = make_controller(rehearsal, rig, bank, clock)
-        loop = Loop(controller, clock, layout, [Memory(), box], StopSwitch(), rehearsal.duration)
+        controller = make_controller(rehearsal, rig, clock)
+        loop = Loop(controller, clock, stream, Readers(), StopSwitch(), rehearsal.duration)
         for _ in range(TICKS):
             start = time.perf_counter()
             loop.step()
@@ -80,9 +80,9 @@ def tick_cost(settings: TrialSettings) -> float:
                 costs.append(time.perf_counter() - start)
     if loop.error:
         raise loop.error
-    if box.fault:
+    if fault := reported_fault(stream.events):
         raise InputError(
-            f"rehearsal on the simulated rig: stopped for safety: {box.fault['text']}: expected "
+            f"rehearsal on the simulated rig: stopped for safety: {fault['text']}: expected "
             "settings that the simulated rig can run"
         )
     return float(np.percentile(costs[len(costs) // 2 :], 90.0))

@@ -10,17 +10,18 @@ import math
 from sim_backend import PointerOperator
 from teleop.control.clock import Clock, Tick
 from teleop.errors import InputError
-from teleop.recording.columns import POINTER
-from teleop.recording.recording import Recording, from_messages
-from teleop.recording.sinks import Memory
+from teleop.recording.recording import Recording, from_columns
 from teleop.safety import Fault
 from teleop.safety.channels import DetectedFault
-from teleop.safety.events import ACTIVE
+from teleop.safety.events import ACTIVE, is_note
 from teleop.settings.documents import from_document
+from teleop.streams.columns import POINTER
+from teleop.streams.stream import Stream
 from teleop.trial.assembly import make_controller, make_layout, make_simulated_rig
 from teleop.trial.loop import Loop
 from teleop.trial.metadata import session_metadata
 from teleop.trial.page_requests import NoPage
+from teleop.trial.readers import ReadersInLoop
 from teleop.trial.stop_switch import StopSwitch
 
 BY_PERSON = (Fault.EMERGENCY_STOP, Fault.PAGE_LOST)
@@ -65,7 +66,8 @@ class RecordedRequests(NoPage):
 
     def __init__(self, recording: Recording) -> None:
         self._ticks = zip(recording["time"].tolist(), recording["mode"].tolist(), strict=True)
-        self._events = {event["time"]: event for event in recording.events}
+        events = (e for e in recording.events if not is_note(e["fault"], e["source"]))
+        self._events = {event["time"]: event for event in events}
 
     def read(self) -> None:
         """Compute the requests that a person made at the next tick of the recorded trial.
@@ -113,13 +115,15 @@ def repeated(recording: Recording) -> Recording:
     clock = RecordedClock(recording, settings.loop_rate)
     depths, grips = recording["pointer_depth"].tolist(), recording["pointer_grip"].tolist()
     pointer = PointerOperator(lambda: (depths[clock.tick], bool(grips[clock.tick])))
-    bank, memory, switch = settings.estimation_preset.bank(), Memory(), StopSwitch()
-    layout = make_layout(settings, bank, pointer)
+    bank, switch = settings.estimation_preset.bank(), StopSwitch()
+    stream = Stream(make_layout(settings, bank, pointer), len(recording))
+    readers = ReadersInLoop(stream, settings, bank)
     switch.page = RecordedRequests(recording)
     with make_simulated_rig(settings, clock.now, pointer=pointer) as rig:
-        controller = make_controller(settings, rig, bank, clock)
-        loop = Loop(controller, clock, layout, [memory], switch, settings.duration)
+        controller = make_controller(settings, rig, clock)
+        loop = Loop(controller, clock, stream, readers, switch, settings.duration)
         for _ in range(len(recording)):
             loop.step()
-    metadata = session_metadata(settings)
-    return from_messages(layout.definition, memory.messages, memory.events, metadata)
+    readers.close()
+    columns = stream.reader().columns(1, stream.newest + 1)
+    return from_columns(stream.schema, columns, stream.events, session_metadata(settings))

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,16 +15,16 @@ from estimation.arrays import Floats
 from estimation.presentation import Presented
 from teleop.control.wanted_precision import REACHED
 from teleop.errors import InputError
-from teleop.recording.columns import OBSERVED
 from teleop.recording.gaps import gap_rows, missing_text
 from teleop.recording.recording import Recording
 from teleop.recording.recording_file import RecordingFile
-from teleop.recording.sinks import Outcome
 from teleop.safety import Mode
 from teleop.safety.events import EXCITATION, Fault, time_text
 from teleop.settings.trial_settings import TrialSettings
+from teleop.streams.columns import OBSERVED
 from teleop.trial.metadata import estimated_channels
 from teleop.trial.precision import SOURCE as PRECISION
+from teleop.trial.readers import Outcome
 from teleop.trial.recorded_trial import recorded_truth, tracked_ticks, tracking_of, truth
 from teleop.trial.trial_statistics import TrialStatistics
 
@@ -48,12 +49,12 @@ class Trial(Presented):
     """All ticks of the trial, in memory or in the file of the recording; if this file is not
     complete, all ticks that can be read."""
     bank: Bank
-    """The estimators in their final state."""
+    """The estimators of the trial. In real time, another process has updated its own ones."""
     interrupted: bool
     """Whether the trial ended early because of a signal such as Ctrl-C, a request of the live page,
     or the loss of the terminal."""
     outcome: Outcome
-    """Path, number of ticks and problems of the recording file at the end."""
+    """Path, number of missed ticks and problems of the recording file at the end."""
     realtime: dict[str, str]
     """Result of each real-time setting by name: `done`, or the reason why it was not applied."""
     fault: dict[str, Any] | None
@@ -67,6 +68,13 @@ class Trial(Presented):
     """Reason why the black box could not be written; empty if there was no such problem."""
     ending: str = ""
     """Reason why the condition ended the trial before its purpose was reached; empty if it was."""
+    estimation_failure: str = ""
+    """Text about an exception of an estimator, or the end of the process of the estimation; empty
+    if there was none. The estimates are NaN from then on; `teleop estimate` computes them."""
+    estimation_traceback: str = ""
+    """Traceback of this exception."""
+    missed: Mapping[str, int] = field(default_factory=dict)
+    """Number of ticks that each process that reads the trial has missed, by its name."""
 
     @property
     def stop_text(self) -> str:
@@ -180,7 +188,7 @@ class Trial(Presented):
     @property
     def incomplete(self) -> str:
         """Text that states which data are missing in the files of the trial; empty if none are."""
-        path, _, dropped, problem, _ = self.outcome
+        path, dropped, problem, _ = self.outcome
         problems = []
         if problem:
             problems.append(f"{path}: the recording is not complete: {problem}")
@@ -189,6 +197,11 @@ class Trial(Presented):
             problems.append(f"{path}: {missing}")
         if self.black_box_problem:
             problems.append(self.black_box_problem)
+        if self.estimation_failure:
+            where = f"teleop estimate {path}" if path else "teleop estimate, from a recording,"
+            problems.append(
+                f"the estimates are not complete: {self.estimation_failure}; {where} computes them"
+            )
         return "; ".join(problems)
 
     def plot(
@@ -367,6 +380,8 @@ class Trial(Presented):
             "rejected": self.rejected,
             "interrupted": self.interrupted,
             "ending": self.ending or None,
+            "estimation_failure": self.estimation_failure or None,
+            "missed": {name: count for name, count in self.missed.items() if count},
             "tracking": self.tracking(),
             "feedback": self.feedback(),
             "estimates": found.estimates(self.shown.recording)

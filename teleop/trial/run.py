@@ -12,7 +12,6 @@ from sim_backend import SimulatedRig
 from teleop.control.conditions import Condition
 from teleop.errors import InputError
 from teleop.names import RealtimeName
-from teleop.recording.sinks import Sink
 from teleop.settings.custom_class import described, with_averaged
 from teleop.settings.ranges import MOST_TICKS_IN_MEMORY
 from teleop.settings.trial_settings import TrialSettings
@@ -34,6 +33,7 @@ from teleop.trial.rehearsal import check_rate, check_wire
 from teleop.trial.result import Trial
 from teleop.trial.station_waiting import Waiting
 from teleop.trial.stop_switch import StopSwitch
+from teleop.trial.viewer import Viewer
 
 
 def run_trial(
@@ -47,7 +47,7 @@ def run_trial(
     rig_maker: RigMaker | None = None,
     live: LiveLink | None = None,
     arm: bool = False,
-    further: Sequence[Sink] = (),
+    viewers: Sequence[Viewer] = (),
     station: Waiting | None = None,
 ) -> Trial:
     """Run a trial until its end, a fault, or Ctrl-C. Then disable the drives; return the result.
@@ -79,8 +79,8 @@ def run_trial(
         Whether a person has permitted the drives to move, for example by the answer to
         `teleop.trial.arming.is_armed`. Needed on every rig except the simulated rig, unless the
         drives are armed in the live page.
-    further
-        Objects that receive the ticks and events besides the recording.
+    viewers
+        Other viewers of the running trial, in other processes.
     station
         Connection to the other station, if the settings state the side of this one.
 
@@ -112,7 +112,7 @@ def run_trial(
                 rig_maker,
                 live,
                 arm,
-                further,
+                viewers,
                 station,
             )
     check_stated(settings)
@@ -133,7 +133,8 @@ def run_trial(
     check_armed(settings, rig, arm, live)
     bank = settings.estimation_preset.bank()
     layout = make_layout(settings, bank, pointer)
-    outputs = Outputs(settings, layout, bank, switch, record, overwrite, show, live, further)
+    shown_by = (*([live] if live else []), *viewers)
+    outputs = Outputs(settings, layout, bank, switch, record, overwrite, show, shown_by)
     loop = None
     try:
         cost = check_rate(settings) if settings.clock == "real" else 0.0
@@ -144,15 +145,16 @@ def run_trial(
                 if settings.rig:
                     check_wire(rig, clock, cost)
                 session = station.begin(clock) if station else None
-                controller = make_controller(
-                    settings, rig, bank, clock, condition, outputs.later, session
-                )
+                controller = make_controller(settings, rig, clock, condition, session)
                 if session:
                     switch.station = session
-                loop = Loop(controller, clock, layout, outputs.sinks, switch, settings.duration)
+                stream, readers = outputs.stream, outputs.readers
+                loop = Loop(controller, clock, stream, readers, switch, settings.duration)
                 if live:
-                    switch.page = live.begin(settings, layout)
-                applied.start(outputs.recorder_pid, live.pid if live else None)
+                    switch.page = live.begin(settings, stream)
+                for viewer in viewers:
+                    viewer.begin(settings, stream)
+                applied.start(live.pid if live else None, readers.estimation_pid)
                 try:
                     loop.run()
                 finally:
@@ -171,10 +173,12 @@ def run_trial(
                 raise
     finally:
         switch.clean_up()
-        outputs.close(loop.ticks if loop else 0)
+        outputs.close()
+        for viewer in shown_by:
+            viewer.end_trial()
     ticks = outputs.ticks()
     outputs.write_black_box()
-    error = loop.error or (outputs.later and outputs.later.error)
+    error = loop.error
     if error and not isinstance(error, RigError):
         outputs.add_notes(error)
         raise error
@@ -190,6 +194,9 @@ def run_trial(
         outputs.black_box,
         outputs.black_box_problem,
         "" if switch.interrupted or outputs.fault else loop.controller.ending,
+        readers.failure,
+        readers.traceback,
+        outputs.stream.missed,
     )
 
 

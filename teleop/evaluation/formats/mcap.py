@@ -19,7 +19,7 @@ from teleop.errors import InputError
 from teleop.evaluation.formats.columns import Wanted
 from teleop.evaluation.formats.messages import Message, tables_of
 from teleop.evaluation.formats.table import Pick, Table, missing, reading
-from teleop.recording.message import MESSAGE_NAME
+from teleop.streams.message import MESSAGE_NAME
 
 LARGEST_RECORD = 128 << 20
 """Size of the largest record that is read [bytes]."""

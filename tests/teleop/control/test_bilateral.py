@@ -126,9 +126,9 @@ def test_a_silent_channel_ramps_to_a_stop_with_its_name(direction):
     settings = replace(
         SETTINGS, channel=ChannelSettings(0.02), feedback=FeedbackSettings("model-mediated")
     )
-    clock, bank = make_clock(settings), settings.estimation_preset.bank()
+    clock = make_clock(settings)
     with make_rig(settings, clock.now) as rig:
-        controller = make_controller(settings, rig, bank, clock)
+        controller = make_controller(settings, rig, clock)
         events = []
         for n in range(1500):
             if n == 800:
@@ -145,9 +145,9 @@ def test_a_silent_channel_ramps_to_a_stop_with_its_name(direction):
 
 def test_the_columns_of_the_link_are_recorded_only_with_a_link():
     bank = SETTINGS.estimation_preset.bank()
-    plain = [column.name for column in make_layout(SETTINGS, bank).columns]
+    plain = [column.name for column in make_layout(SETTINGS, bank).schema.columns]
     linked = replace(SETTINGS, channel=ChannelSettings())
-    columns = [column.name for column in make_layout(linked, bank).columns]
+    columns = [column.name for column in make_layout(linked, bank).schema.columns]
     assert columns[: len(plain)] == plain
     assert columns[len(plain) :] == [
         "displayed_force",

@@ -18,15 +18,16 @@ from teleop.control.clock import Tick, VirtualClock
 from teleop.control.conditions import Teleoperation
 from teleop.control.controller import Controller
 from teleop.control.coupling import Coupling
-from teleop.control.estimates import Estimation
 from teleop.control.link import DirectLink
 from teleop.control.tare import NO_TARE, Tare
-from teleop.recording.columns import Layout
-from teleop.recording.recording import from_messages
+from teleop.recording.recording import from_columns
 from teleop.safety import Fault, Limits, Mode, Request
 from teleop.safety.channels import DetectedFault
 from teleop.safety.limits import default_channel_limits
 from teleop.settings.trial_settings import TrialSettings
+from teleop.streams.columns import Layout
+from teleop.streams.estimation import Estimation, StreamEstimation
+from teleop.streams.stream import Stream
 from teleop.trial.assembly import make_controller
 
 PERIOD = 1e-3
@@ -110,7 +111,6 @@ def make(rig, condition=None, limits=WIDE, tare=NO_TARE):
         rig,
         condition or Teleoperation(),
         DirectLink(Admittance(AdmittanceParameters()), Coupling(0.5, position_gain=2.0)),
-        Estimation(MatchedFilter(20.0), paper_preset().bank()),
         PERIOD,
         limits,
         tare,
@@ -127,13 +127,18 @@ TARE = Tare(master_force=0.5, contact_force=-0.25, slave_position=1e-3)
 
 
 def record(rig, controller):
-    layout = Layout(paper_preset().bank())
-    messages, events = b"", []
+    """Run the ticks; return what their stream contains, with the estimates, and the events."""
+    bank = paper_preset().bank()
+    stream, events = Stream(Layout(bank), len(SKIPPED)), []
+    stream._missed[0] = 9
     for skipped in SKIPPED:
         r = controller.tick(Tick(0.25, True, skipped, 0.125), Request(arm=True))
-        messages += layout.pack(r, dropped=9)
+        stream.write(r)
         events += r.events
-    return from_messages(layout.definition, messages, [], {}), events
+    reader, estimation = stream.reader(), Estimation(MatchedFilter(20.0), bank)
+    StreamEstimation(stream.schema, reader.ticks, stream.estimates_writer(), estimation).advance()
+    columns = reader.columns(1, stream.newest + 1)
+    return from_columns(stream.schema, columns, [], {}), events
 
 
 def test_every_stage_gets_its_channel_and_the_measured_dt():
@@ -329,7 +334,7 @@ def test_the_slave_does_not_move_when_it_is_armed_or_armed_again(scale):
     rig = SimulatedRig(replace(CUBES["soft"], glued=False), clock.now)
     settings = TrialSettings(clock="virtual", coupling=Coupling(scale, position_gain=10.0))
     with rig:
-        controller = make_controller(settings, rig, settings.estimation_preset.bank(), clock)
+        controller = make_controller(settings, rig, clock)
         for position in (-4e-3, -2e-3):
             rig.plant.slave.x = position
             record = drive_and_tick(controller, clock, 500, Request(arm=True))

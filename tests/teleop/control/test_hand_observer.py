@@ -16,9 +16,9 @@ from drivers.rig_file import parse_rig_file
 from sim_backend import ForceMaster
 from teleop.cli import main
 from teleop.control.hand_observer import BANDWIDTH, HandObserver
-from teleop.recording.columns import OBSERVED
 from teleop.recording.recording import load
 from teleop.settings.trial_settings import TrialSettings
+from teleop.streams.columns import OBSERVED
 from teleop.trial.run import run_trial
 
 ROOT = Path(__file__).parents[3]

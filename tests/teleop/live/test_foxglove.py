@@ -14,10 +14,10 @@ from robo_ws_bridge import WebSocketBridgeClient
 from robo_ws_bridge.client import FetchAssetError, ServiceCallError
 
 from teleop.live.foxglove_process import FoxgloveBridge
-from teleop.live.ring import RingReader, RingWriter, ring_size
-from teleop.recording.columns import Layout
-from teleop.recording.message import MESSAGE_NAME
 from teleop.settings.trial_settings import TrialSettings
+from teleop.streams.columns import Layout
+from teleop.streams.message import MESSAGE_NAME
+from teleop.streams.ring import RingReader, RingWriter, ring_size
 from teleop.trial.run import run_trial
 
 from .live_client import until

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import os
 from types import SimpleNamespace
@@ -10,15 +9,15 @@ from types import SimpleNamespace
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from teleop.recording.process import EVENT, FRAME, FrameReader
 
 from teleop.live.progress import Progress, Shown, Status
-from teleop.recording.process import EVENT, FRAME, FrameReader
 
 
 @pytest.fixture
 def drawn(monkeypatch):
     """Return a function that draws estimates and returns the text of the line."""
-    progress = Progress(True, 10.0, "", "", largest_misfit=0.05)
+    progress = Progress(True, 10.0, "", "")
     lines: list[str] = []
     monkeypatch.setattr(progress, "_terminal", SimpleNamespace(draw=lines.append))
 
@@ -107,7 +106,7 @@ def test_the_line_is_never_cut_and_its_form_depends_neither_on_the_values_nor_on
 ):
     def form(values, mode, misfit):
         lines: list[str] = []
-        progress = Progress(True, 10.0, "Enter stops", "", largest_misfit=0.05)
+        progress = Progress(True, 10.0, "Enter stops", "")
         progress._terminal = SimpleNamespace(draw=lines.append)
         estimates = [
             Shown(name, value, 0.01 * abs(value), 0.1 * value, 10.0, misfit)
@@ -125,7 +124,7 @@ def test_the_line_is_never_cut_and_its_form_depends_neither_on_the_values_nor_on
 
 def test_a_message_is_broken_at_spaces(monkeypatch):
     lines: list[str] = []
-    progress = Progress(False, 10.0, "", "", largest_misfit=0.05)
+    progress = Progress(False, 10.0, "", "")
     monkeypatch.setattr(progress, "_terminal", SimpleNamespace(write=lines.append))
     monkeypatch.setattr(os, "get_terminal_size", lambda end: SimpleNamespace(columns=40))
     progress.report("teleop: a/path/that/is/longer/than/the/terminal/is/wide.mcap: removed: on")
@@ -145,7 +144,7 @@ def test_without_a_terminal_spaces_replace_the_previous_line_and_nothing_is_an_e
         progress._draw(text)
 
     lines: list[str] = []
-    progress = Progress(True, 10.0, "", "", largest_misfit=0.05)
+    progress = Progress(True, 10.0, "", "")
     terminal = SimpleNamespace(draw=lines.append, write=lines.append, close=lambda: None)
     monkeypatch.setattr(progress, "_terminal", terminal)
     draw(progress, "a long line")
@@ -157,7 +156,7 @@ def test_without_a_terminal_spaces_replace_the_previous_line_and_nothing_is_an_e
 
 
 def test_the_recorder_passes_notes_to_the_line_and_no_other_events():
-    progress = Progress(False, 10.0, "", "", largest_misfit=0.05)
+    progress = Progress(False, 10.0, "", "")
     session = {"columns": [], "estimators": [], "level": 1.96}
     frames = FrameReader(session, None, progress)
     event = {"fault": None, "source": "precision", "text": "k ± 2 %: about 3 s more"}

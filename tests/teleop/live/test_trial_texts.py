@@ -5,17 +5,17 @@ from __future__ import annotations
 import mmap
 
 import pytest
+from teleop.recording.sinks import event_record
 
 from teleop.json_documents import dumps
 from teleop.live.cells import SIZE, CellWriter
 from teleop.live.requests import BadRequest
-from teleop.live.ring import RingReader, RingWriter, ring_size
 from teleop.live.trial_feed import TrialFeed
-from teleop.recording.columns import Layout
-from teleop.recording.sinks import event_record
 from teleop.safety import Event, Fault
 from teleop.safety.events import ACTIVE, FAULT, READY
 from teleop.settings.trial_settings import TrialSettings
+from teleop.streams.columns import Layout
+from teleop.streams.ring import RingReader, RingWriter, ring_size
 from teleop.trial.live_documents import trial_document
 
 CHOICES = {"feedback": ["none", "position-force"], "estimators": ["rls", "ai", "me"]}

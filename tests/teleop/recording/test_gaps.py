@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from teleop.trial.later_estimates import LaterEstimates
 
 from estimation import MatchedFilter
 from teleop.cli import main
@@ -23,7 +24,6 @@ from teleop.recording.gaps import GapFinder, missing_text, missing_ticks
 from teleop.recording.recorder import RecorderProcess
 from teleop.recording.recording import load
 from teleop.settings.trial_settings import TrialSettings
-from teleop.trial.later_estimates import LaterEstimates
 from teleop.trial.run import run_trial
 
 

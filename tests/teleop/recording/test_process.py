@@ -6,8 +6,8 @@ import math
 import struct
 
 import pytest
-
 from teleop.recording.process import FRAME, TICK, FrameReader
+
 from teleop.safety.events import Mode
 
 ESTIMATE = ("rls_b", "rls_b_std", "rls_k", "rls_k_std", "rls_misfit")

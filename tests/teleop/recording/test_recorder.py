@@ -15,16 +15,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 import scipy
+from teleop.recording.process import FLUSH
 
 from estimation import paper_preset
 from teleop.errors import InputError
-from teleop.recording.columns import Layout
 from teleop.recording.mcap_reader import read_intact
-from teleop.recording.process import FLUSH
 from teleop.recording.recorder import RecorderProcess
 from teleop.recording.recording import load
 from teleop.safety import Event, Fault, Mode
 from teleop.settings.trial_settings import TrialSettings
+from teleop.streams.columns import Layout
 from teleop.trial.run import run_trial
 
 QUICK = TrialSettings(clock="virtual", duration=1.0)

@@ -377,7 +377,7 @@ def test_a_sensor_beyond_its_range_trips_for_any_tare():
     rig = SimulatedRig(CUBES["soft"], clock.now)
     high = TrialSettings().limits.channels["contact_force"].high
     settings = TrialSettings(clock="virtual", tare=Tare(contact_force=14.0))
-    controller = make_controller(settings, rig, settings.estimation_preset.bank(), clock)
+    controller = make_controller(settings, rig, clock)
     rig.read = lambda read=rig.read: read()._replace(contact_force=high + 1.0)
     faults = [event.fault for event in controller.tick(clock.wait()).events]
     assert Fault.OUT_OF_RANGE in faults

@@ -582,7 +582,6 @@ def test_the_faults_that_ramp_are_those_of_sensors_and_software():
         Fault.PORT_ENERGY,
         Fault.OSCILLATION,
         Fault.CONTROL_FAILURE,
-        Fault.ESTIMATION_FAILURE,
         Fault.PAGE_LOST,
     }
 
@@ -608,7 +607,7 @@ def loop_found(*faults: Fault) -> Request:
 
 
 def test_of_several_faults_at_one_tick_the_most_severe_is_reported():
-    request = loop_found(Fault.ESTIMATION_FAILURE)
+    request = loop_found(Fault.CONTROL_FAILURE)
     sick = [
         (Fault.EMERGENCY_STOP, {"emergency_stop": True}),
         (Fault.DRIVE_ERROR, {"drive_error": "over-current"}),

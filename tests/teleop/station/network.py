@@ -10,16 +10,17 @@ from dataclasses import dataclass, field, replace
 
 from teleop.control.clock import VirtualClock
 from teleop.control.station_settings import StationSettings
-from teleop.recording.recording import Recording, from_messages
-from teleop.recording.sinks import Memory
+from teleop.recording.recording import Recording, from_columns
 from teleop.settings.trial_settings import TrialSettings
 from teleop.station.connection import Connection
 from teleop.station.keys import Session, make_session
 from teleop.station.station import Station
 from teleop.station.station_port import Received
+from teleop.streams.stream import Stream
 from teleop.trial.assembly import make_controller, make_layout, make_rig
 from teleop.trial.loop import Loop
 from teleop.trial.metadata import session_metadata
+from teleop.trial.readers import Readers
 from teleop.trial.stop_switch import StopSwitch
 
 KEY = bytes(range(32))
@@ -117,14 +118,10 @@ class StationOfTest:
         self.rig = make_rig(self.settings, clock.now)
         self.rig.open()
         bank = self.settings.estimation_preset.bank()
-        self.controller = make_controller(
-            self.settings, self.rig, bank, clock, station=self.station
-        )
-        self.layout = make_layout(self.settings, bank)
-        self.memory = Memory()
-        self.loop = Loop(
-            self.controller, clock, self.layout, [self.memory], self.switch, self.settings.duration
-        )
+        self.controller = make_controller(self.settings, self.rig, clock, station=self.station)
+        self.stream = Stream(make_layout(self.settings, bank), 20_000)
+        duration = self.settings.duration
+        self.loop = Loop(self.controller, clock, self.stream, Readers(), self.switch, duration)
         self.runs = True
 
     def step(self) -> None:
@@ -136,16 +133,14 @@ class StationOfTest:
 
     @property
     def recording(self) -> Recording:
-        return from_messages(
-            self.layout.definition,
-            self.memory.messages,
-            self.memory.events,
-            session_metadata(self.settings),
-        )
+        stream = self.stream
+        columns = stream.reader().columns(1, stream.newest + 1)
+        metadata = session_metadata(self.settings)
+        return from_columns(stream.schema, columns, stream.events, metadata)
 
     @property
     def faults(self) -> list[str]:
-        return [event["fault"] for event in self.recording.events if event["fault"]]
+        return [event["fault"] for event in self.stream.events if event["fault"]]
 
 
 class TwoStations:

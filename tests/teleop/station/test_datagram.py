@@ -124,9 +124,9 @@ def test_both_sides_over_datagrams_move_as_in_one_process_to_the_bit(law):
                 link.reports, report_values, lambda v, last: to_report(v, last.model)
             )
             link.motions = OverTheWire(link.motions, motion_values, lambda v, last: to_motion(v))
-        clock, bank = make_clock(settings), settings.estimation_preset.bank()
+        clock = make_clock(settings)
         with make_rig(settings, clock.now) as rig:
-            controller = make_controller(settings, rig, bank, clock)
+            controller = make_controller(settings, rig, clock)
             controller._link = link
             records = [controller.tick(clock.wait(), Request(arm=True)) for _ in range(1500)]
         found.append([(r.measurement, r.desired, r.link) for r in records])

@@ -15,6 +15,7 @@ from teleop.station.datagram import NO_FAULT, SIZE, Datagram, pack
 from teleop.station.keys import make_session
 from teleop.station.peer import MOST, Peer
 from teleop.station.station_port import StationPort
+
 from .network import NONCES, session
 
 KEY = bytes(range(32))

@@ -17,6 +17,7 @@ from teleop.safety.tightened_limits import TightenedLimits
 from teleop.settings.trial_settings import TrialSettings
 from teleop.station.datagram import CONSENT
 from teleop.trial.run import run_trial
+
 from .network import Faults, TwoStations
 
 SETTINGS = TrialSettings(

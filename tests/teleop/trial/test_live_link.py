@@ -8,16 +8,16 @@ import time
 from pathlib import Path
 
 import pytest
+from teleop.recording.sinks import event_record
 
 from teleop.errors import InputError
 from teleop.json_documents import dumps
 from teleop.live import shared_file
-from teleop.live.shared_file import SharedFile
-from teleop.recording.sinks import event_record
 from teleop.safety import Event, Fault
 from teleop.safety.events import FAULT
+from teleop.streams.child_process import LIVE_PROCESS, ChildProcess
+from teleop.streams.shared_file import SharedFile
 from teleop.trial import live_link
-from teleop.trial.child_process import LIVE_PROCESS, ChildProcess
 from teleop.trial.live_link import EVENT_SIZE, LiveLink
 
 NO_CHOICES = {"condition": [], "specimen": [], "duration": []}

@@ -14,14 +14,15 @@ from teleop.commands.live_options import FIRM_ARM, for_pointer
 from teleop.control.channel import ChannelSettings
 from teleop.control.feedback.law import STIFF_PRIOR
 from teleop.control.feedback.settings import FeedbackSettings
-from teleop.recording.recording import from_messages
-from teleop.recording.sinks import Memory
+from teleop.recording.recording import from_columns
 from teleop.settings.ranges import COUNT_IN
 from teleop.settings.trial_settings import TrialSettings
+from teleop.streams.stream import Stream
 from teleop.trial.assembly import make_clock, make_controller, make_layout, make_simulated_rig
 from teleop.trial.live_documents import trial_document
 from teleop.trial.loop import Loop
 from teleop.trial.metadata import session_metadata
+from teleop.trial.readers import Readers
 from teleop.trial.stop_switch import StopSwitch
 
 MEDIATED = FeedbackSettings("model-mediated")
@@ -36,13 +37,14 @@ def palpated(settings, depth):
         angle = 2.0 * math.pi * 0.7 * clock.now()
         return 0.5 * depth * (1.0 - math.cos(angle)), True
 
-    operator, memory = PointerOperator(pointer), Memory()
-    layout = make_layout(settings, bank, operator)
+    operator = PointerOperator(pointer)
+    ticks = round(2.0 * settings.duration * settings.loop_rate)
+    stream = Stream(make_layout(settings, bank, operator), ticks)
     with make_simulated_rig(settings, clock.now, pointer=operator) as rig:
-        controller = make_controller(settings, rig, bank, clock)
-        Loop(controller, clock, layout, [memory], StopSwitch(), settings.duration).run()
-    metadata = session_metadata(settings)
-    return from_messages(layout.definition, memory.messages, memory.events, metadata)
+        controller = make_controller(settings, rig, clock)
+        Loop(controller, clock, stream, Readers(), StopSwitch(), settings.duration).run()
+    columns = stream.reader().columns(1, stream.newest + 1)
+    return from_columns(stream.schema, columns, stream.events, session_metadata(settings))
 
 
 @pytest.mark.parametrize("cube", ["soft", "medium", "hard"])

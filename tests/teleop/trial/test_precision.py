@@ -11,10 +11,10 @@ import pytest
 
 from teleop.cli import main
 from teleop.control.wanted_precision import WantedPrecision
-from teleop.live.ring import SLOTS, RingReader, RingWriter, ring_size
-from teleop.recording.message import definition_of
 from teleop.recording.recording import load
 from teleop.settings.trial_settings import TrialSettings
+from teleop.streams.message import definition_of
+from teleop.streams.ring import SLOTS, RingReader, RingWriter, ring_size
 from teleop.trial.precision_process import Evaluation
 from teleop.trial.precision_watch import forecast, half_width
 from teleop.trial.run import run_trial

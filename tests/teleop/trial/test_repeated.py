@@ -9,14 +9,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from teleop.recording.sinks import Outcome, Sink
 
 from teleop.control.clock import Tick, VirtualClock
 from teleop.errors import InputError
 from teleop.live.cells import ARM, END, PROCESS, SIZE, STOP, CellReader, CellWriter
-from teleop.live.ring import RingWriter, ring_size
 from teleop.recording.recording import load
-from teleop.recording.sinks import Outcome, Sink
 from teleop.settings.trial_settings import TrialSettings
+from teleop.streams.ring import RingWriter, ring_size
 from teleop.trial.page_requests import PagePointer, PageRequests
 from teleop.trial.repeated import repeated
 from teleop.trial.run import run_trial

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from sim_backend import Cube, Relaxing, Setup
 from teleop.output.report_page import report_page
-from teleop.recording.columns import Layout
-from teleop.recording.recording import from_messages
+from teleop.recording.recording import from_columns
 from teleop.safety.soft_limits import VELOCITY
 from teleop.safety.tightened_limits import TightenedLimits
 from teleop.settings.trial_settings import TrialSettings
+from teleop.streams.columns import Layout
 from teleop.trial.metadata import session_metadata
 from teleop.trial.run import run_trial
 
@@ -83,7 +84,9 @@ def test_emulated_devices_palpate_a_body_that_relaxes(in_memory):
 )
 def test_a_recording_names_the_channels_that_an_observer_estimated(stepped, name, channels):
     metadata = session_metadata(TrialSettings(rig=stepped(name).file))
-    recording = from_messages(Layout({}).definition, b"", [], metadata)
+    schema = Layout({}).schema
+    columns = {column.name: np.empty(0) for column in schema.columns}
+    recording = from_columns(schema, columns, [], metadata)
     assert recording.estimated_channels == channels
     page = report_page("run.mcap", None, None, recording)
     assert page.count("not measured") == len(channels)

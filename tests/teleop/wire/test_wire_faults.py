@@ -169,13 +169,13 @@ def stopped_without_commands(in_memory, seconds):
     """
     emulators = []
     trial = in_memory("odrive-reaction-force", edit=odrive_of_firmware_05, prepare=emulators.append)
-    clock, bank = make_clock(trial.settings), trial.settings.estimation_preset.bank()
+    clock = make_clock(trial.settings)
     with contextlib.suppress(NotStoppedError), trial.make_rig(clock.now) as rig:
         (emulator,) = emulators
         device, lost_until = emulator.devices["slave"], -math.inf
         receive = device.receive
         device.receive = lambda frame, now: now < lost_until or receive(frame, now)
-        controller = make_controller(trial.settings, rig, bank, clock)
+        controller = make_controller(trial.settings, rig, clock)
         for n in range(1500):
             tick, stop = clock.wait(), n == 430
             if stop:

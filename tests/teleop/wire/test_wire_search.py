@@ -117,8 +117,7 @@ def test_no_sequence_of_wire_faults_and_requests_leaves_a_wired_rig_moving(in_me
             run(case, rig, clock, emulators[0], stop, stop_at, rearm)
 
     def run(case, rig, clock, emulator, stop, stop_at, rearm):
-        bank = case.settings.estimation_preset.bank()
-        controller = make_controller(case.settings, rig, bank, clock)
+        controller = make_controller(case.settings, rig, clock)
         command, tripped, rearmed = STANDSTILL, math.inf, False
         for n in range(TICKS + 400):
             tick = clock.wait()

@@ -17,7 +17,7 @@ from teleop.live.feed import Feed, estimator_indices, shown_columns
 from teleop.live.history import History
 from teleop.live.security import Gate
 from teleop.live.server import Server, read_pages
-from teleop.recording.columns import COLUMNS, DROPPED, FEEDBACK_COLUMNS, POINTER
+from teleop.streams.columns import COLUMNS, DROPPED, FEEDBACK_COLUMNS, POINTER
 
 TOKEN = "0123456789abcdef" * 2
 BROWSERS = ("chromium-headless-shell", "chromium", "chromium-browser", "google-chrome")

@@ -1,4 +1,4 @@
-"""A file in memory, through which two processes exchange data."""
+"""A file in memory, through which processes exchange data."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ MEMORY = Path("/dev/shm")
 
 
 class SharedFile:
-    """A memory-mapped file that the control process creates and another process opens.
+    """A memory-mapped file that one process creates and other processes open.
 
-    As soon as the other process has opened the file, the control process removes its name from the
-    file system. Both can use the mapped memory until they end.
+    After its name was removed from the file system, the processes that have opened the file can
+    use the mapped memory until they end.
     """
 
     def __init__(self, path: Path, buffer: mmap.mmap) -> None:
@@ -25,12 +25,23 @@ class SharedFile:
 
     @classmethod
     def create(cls, size: int) -> SharedFile:
-        """Create a new file of zeros, which only this user can open, and map it into memory."""
-        folder = MEMORY if os.access(MEMORY, os.W_OK) else None
-        number, name = tempfile.mkstemp(prefix="teleop-live-", dir=folder)
+        """Create a new file of zeros, which only this user can open, and map it into memory.
+
+        It is a file of the disk if the memory file system is missing or full.
+        """
+        if os.access(MEMORY, os.W_OK):
+            with contextlib.suppress(OSError):
+                return cls._created(size, MEMORY)
+        return cls._created(size, None)
+
+    @classmethod
+    def _created(cls, size: int, folder: Path | None) -> SharedFile:
+        number, name = tempfile.mkstemp(prefix="teleop-", dir=folder)
         try:
             with os.fdopen(number, "r+b") as file:
-                file.write(bytes(size))  # if the memory is full, this fails here, not in the loop
+                for start in range(0, size, 1 << 20):
+                    # if the memory is full, this fails here, not in the loop
+                    file.write(bytes(min(size - start, 1 << 20)))
                 file.flush()
                 return cls(Path(name), mmap.mmap(file.fileno(), size))
         except BaseException:
@@ -38,7 +49,7 @@ class SharedFile:
             raise
 
     @classmethod
-    def open(cls, path: Path, writable: bool) -> SharedFile:
+    def open(cls, path: Path, writable: bool = False) -> SharedFile:
         """Map an existing file into memory."""
         with path.open("r+b" if writable else "rb") as file:
             access = mmap.ACCESS_WRITE if writable else mmap.ACCESS_READ

@@ -34,9 +34,16 @@ def definition_of(columns: Iterable[Sequence[str]]) -> str:
     return "\n".join(["# One tick of the control loop", *lines]) + "\n"
 
 
-def packer(columns: Sequence[object]) -> struct.Struct:
-    """Return the layout of a message: the bytes of the constant `CDR`, then one double a column."""
-    return struct.Struct(f"<4s{len(columns)}d")
+def messages_of(rows: Floats) -> list[bytes]:
+    """Convert rows of numbers, shape (ticks, columns), to the messages of the ticks."""
+    import numpy as np
+
+    size = len(CDR) + 8 * rows.shape[1]
+    data = np.empty((len(rows), size), np.uint8)
+    data[:, : len(CDR)] = np.frombuffer(CDR, np.uint8)
+    data[:, len(CDR) :] = np.ascontiguousarray(rows, "<f8").view(np.uint8)
+    joined = data.tobytes()
+    return [joined[start : start + size] for start in range(0, len(joined), size)]
 
 
 def tick_values(rows: NDArray[np.uint8], columns: Sequence[int] | slice = slice(None)) -> Floats:

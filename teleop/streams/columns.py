@@ -1,21 +1,21 @@
-"""The columns of a recording, and the message of a tick, which contains one double per column.
+"""The columns of a recording: the schema of the records in the rings, with names.
 
-The tables of this file define the columns. The message, the MCAP file and its readers, the export,
-the live page and the progress line find each column by its name. To add a column, add a line here
-and the value to `Record` (`teleop.control.tick_record`), which the controller fills.
+The tables of this file define the columns. The control loop writes a record of those columns that
+have a source, and the estimation a record of the others. All readers find each column by its name.
+To add a column of the loop, add a line here and the value to `Record`
+(`teleop.control.tick_record`), which the controller fills.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from mmap import mmap
 from operator import attrgetter
-from typing import TYPE_CHECKING
-
-import numpy as np
+from struct import Struct
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from drivers import AXES, CHANNELS, UNITS
 from estimation.estimate_columns import Column, estimate_columns, misfit_columns
-from teleop.recording.message import CDR, definition_of, packer
 from teleop.safety import Mode
 from teleop.safety.soft_limits import FLAGS
 
@@ -42,7 +42,7 @@ VELOCITIES = {
     "applied": "velocity command that the drive applied",
 }
 
-# Name of the column, attribute of the tick's `Record`, unit, meaning.
+# Name of the column, attribute of the tick's `Record` (empty: by the estimation), unit, meaning.
 TABLE: tuple[tuple[str, str, str, str], ...] = (
     ("time", "t", "s", "time since the drives were permitted to be armed; negative before"),
     ("dt", "dt", "s", "time since the previous tick"),
@@ -72,19 +72,19 @@ TABLE: tuple[tuple[str, str, str, str], ...] = (
     ),
     ("paired_force", "pair.force", "N", "contact force; NaN at a tick without a new sample"),
     ("paired_dt", "pair.dt", "s", "time since the previous pair of position and force"),
-    ("x", "estimated.x", "m", "displacement given to the estimators; NaN if they are not updated"),
-    ("v", "estimated.v", "m/s", "velocity given to the estimators"),
-    ("f", "estimated.f", "N", "force given to the estimators"),
+    ("x", "", "m", "displacement given to the estimators; NaN if they are not updated"),
+    ("v", "", "m/s", "velocity given to the estimators"),
+    ("f", "", "N", "force given to the estimators"),
     (
         "k_bound",
-        "estimated.k_bound",
+        "",
         "-",
         "half width of the 95 % interval of k that motion and noise permit, as a fraction of k",
     ),
-    ("b_bound", "estimated.b_bound", "-", "the same of b"),
+    ("b_bound", "", "-", "the same of b"),
     (
         "contact",
-        "estimated.contact",
+        "",
         "-",
         "1 in contact, 0 out of contact; NaN if contact is not detected",
     ),
@@ -98,7 +98,7 @@ TABLE: tuple[tuple[str, str, str, str], ...] = (
         "compute_time",
         "timing.compute",
         "s",
-        "computing time of condition, supervisor and estimators",
+        "computing time of condition, link and supervisor",
     ),
     ("write_time", "timing.write", "s", "time to command the drives"),
     ("busy_time", "tick.busy", "s", "duration of the whole previous tick"),
@@ -107,9 +107,12 @@ COLUMNS = tuple(Column(name, unit, meaning) for name, _, unit, meaning in TABLE)
 """Columns that the recordings of all trials have, in the order of the message of a tick."""
 # By name, all values of a tick take 0.94 us; unpacked by position, they took 0.88 us.
 values_of: Callable[[Record], tuple[float, ...]] = attrgetter(
-    *(source for _, source, _, _ in TABLE)
+    *(source for _, source, _, _ in TABLE if source)
 )
-"""Return the values of one tick in the order of `COLUMNS`."""
+"""Return the values of one tick in the order of the columns that have a source."""
+OF_LOOP = tuple(name for name, source, _, _ in TABLE if source)
+OF_ESTIMATION = tuple(name for name, source, _, _ in TABLE if not source)
+"""Columns that the estimation computes for all estimators together (see `Estimated`)."""
 
 DROPPED = Column("dropped", "-", "ticks that the recorder has missed so far")
 REGRESSOR = "regressor_"
@@ -177,8 +180,28 @@ POINTER = (
 can be repeated exactly."""
 
 
+class Schema(NamedTuple):
+    """Names of the values in the records of a trial, from which processes read them."""
+
+    columns: tuple[Column, ...]
+    """Name, unit and meaning of each column of the recording."""
+    loop: tuple[str, ...]
+    """Columns in the record of a tick, after the time at which it was written."""
+    estimation: tuple[str, ...]
+    """Columns in the record of the estimates of a tick."""
+    estimators: tuple[str, ...]
+    """Names of the estimators."""
+
+    @classmethod
+    def of(cls, document: Mapping[str, Any]) -> Schema:
+        """Return the schema in a JSON document, that is, `_asdict` of a schema."""
+        columns = tuple(Column(*column) for column in document["columns"])
+        others = (tuple(document[name]) for name in ("loop", "estimation", "estimators"))
+        return cls(columns, *others)
+
+
 class Layout:
-    """The columns of a trial, and how the values of a tick are packed into a message (bytes).
+    """The columns of a trial, and how the loop writes the values of a tick.
 
     Parameters
     ----------
@@ -193,16 +216,8 @@ class Layout:
 
     Attributes
     ----------
-    columns
-        Name, unit and meaning of each double in the message.
-    of_estimators
-        Names of the columns of `Estimated.estimates`, in their order.
-    definition
-        Definition of the message in the message definition language of ROS 2.
-    size
-        Size of the message [bytes].
-    dtype
-        Type of a message as a numpy record, whose fields are the columns.
+    schema
+        Names of the columns.
     """
 
     def __init__(
@@ -212,7 +227,6 @@ class Layout:
         pointer: PointerOperator | None = None,
         observer: bool = False,
     ) -> None:
-        self.estimators = tuple(bank)
         self._pointer, self._observer = pointer, observer
         regressors_of = (e.model.further_regressors for e in bank.values())
         model = max(regressors_of, key=len, default=())
@@ -221,30 +235,28 @@ class Layout:
             for name, unit in model
         )
         of_estimators = (*regressors, *estimate_columns(bank), *misfit_columns(bank))
-        self.of_estimators = tuple(column.name for column in of_estimators)
-        extra = (*(POINTER if pointer else ()), *((OBSERVER,) if observer else ()))
-        self.columns = (*COLUMNS, DROPPED, *of_estimators, *link, *extra)
+        extra = (*link, *(POINTER if pointer else ()), *((OBSERVER,) if observer else ()))
+        self.schema = Schema(
+            (*COLUMNS, DROPPED, *of_estimators, *extra),
+            (*OF_LOOP, DROPPED.name, *(column.name for column in extra)),
+            (*OF_ESTIMATION, *(column.name for column in of_estimators)),
+            tuple(bank),
+        )
         self._of_link = attrgetter(*(f"link.{c.name}" for c in link)) if link else no_values
-        self._struct = packer(self.columns)
-        self.size = self._struct.size
-        self.definition = definition_of(self.columns)
-        self.dtype = np.dtype([("cdr", f"V{len(CDR)}"), *((c.name, "<f8") for c in self.columns)])
+        self._pack_into = Struct(f"@{1 + len(self.schema.loop)}d").pack_into
 
-    def pack(self, record: Record, dropped: int = 0) -> bytes:
-        """Return the message of one tick; `dropped` ticks were not recorded so far."""
+    def write(self, memory: mmap, place: int, now: float, record: Record, dropped: float) -> None:
+        """Write the record of a tick to a place in the memory.
+
+        `now` is the time of writing [s], and `dropped` the number of ticks that were not recorded.
+        """
         further: tuple[float, ...] = ()
         if pointer := self._pointer:
             further = pointer.depth, pointer.grip, record.measurement.time
         if self._observer:
             further = (*further, record.observed_hand_force)
-        return self._struct.pack(
-            CDR,
-            *values_of(record),
-            dropped,
-            *record.estimated.estimates,
-            *self._of_link(record),
-            *further,
-        )
+        link = self._of_link(record)
+        self._pack_into(memory, place, now, *values_of(record), dropped, *link, *further)
 
 
 def no_values(record: Record) -> tuple[float, ...]:

@@ -1,12 +1,13 @@
-"""Start a process that shows the data of the trials, and exchange messages with it."""
+"""Start a process that reads a stream, and exchange messages with it."""
 
 from __future__ import annotations
 
 import contextlib
 import os
-import select
+import queue
 import subprocess
 import sys
+import threading
 from typing import Any
 
 from teleop.errors import InputError, reason
@@ -23,21 +24,22 @@ MOST_UNSENT = 1 << 20
 
 
 class ChildProcess:
-    """A process that shows the data of the trials. It exchanges JSON documents with this process.
+    """A process that reads a stream. It exchanges JSON documents with this process.
 
-    The constructor only starts the process, which then imports its modules and waits for `begin`.
+    The constructor only starts the process, which then imports its modules and waits for `begin`. A
+    thread of this process waits for its messages, so that the control loop needs no system call.
 
     Attributes
     ----------
     pid
         Process id.
     url
-        Address at which the process serves the data; empty before `begin`.
+        Address at which the process serves the data; empty before `begin`, and without a server.
     """
 
     def __init__(self, module: str, what: str = "live page") -> None:
+        self._what = what
         self._unsent = b""
-        self._received = b""
         try:
             self._process = subprocess.Popen(
                 [sys.executable, "-P", "-m", module],
@@ -51,18 +53,38 @@ class ChildProcess:
         assert self._process.stdin
         assert self._process.stdout
         self._input, self._output = self._process.stdin, self._process.stdout
-        os.set_blocking(self._input.fileno(), False)
+        if hasattr(os, "set_blocking"):
+            os.set_blocking(self._input.fileno(), False)
         self.pid = self._process.pid
         self.url = ""
+        self._serves = False
+        self._messages: queue.SimpleQueue[bytes] = queue.SimpleQueue()
+        self._thread = threading.Thread(target=self._receive, daemon=True)
+        self._thread.start()
+
+    def _receive(self) -> None:
+        """Collect the messages of the process; the empty text is its end."""
+        received = b""
+        with contextlib.suppress(OSError, ValueError):
+            while part := self._output.read(1 << 16):
+                *lines, received = (received + part).split(b"\n")
+                for line in lines:
+                    self._messages.put(line)
+        self._messages.put(b"")
+        self._output.close()
 
     def begin(self, session: dict[str, Any]) -> None:
-        """Send the description of the session, and wait until the process serves the data."""
+        """Send the description of the session, and wait until the process is ready.
+
+        InputError if it does not start, or if it answers with a problem.
+        """
         self.tell(session)
         ready = self.wait_for_request(START_TIME) or {"problem": "it did not start"}
-        if "problem" in ready:
+        if ready.get("problem"):
             self.end()
-            raise InputError(f"live page: {ready['problem']}")
-        self.url = str(ready["url"])
+            raise InputError(f"{self._what}: {ready['problem']}")
+        self.url = str(ready.get("url", ""))
+        self._serves = True
 
     def tell(self, document: dict[str, Any]) -> None:
         """Send a message to the process.
@@ -92,14 +114,19 @@ class ChildProcess:
         The result is None if there was no message, or if the process has ended.
         """
         self._send()
-        while b"\n" not in self._received:
-            readable, _, _ = select.select([self._output], [], [], timeout)
-            part = os.read(self._output.fileno(), 1 << 16) if readable else b""
-            if not part:
-                return None
-            self._received += part
-        line, _, self._received = self._received.partition(b"\n")
+        try:
+            line = self._messages.get(timeout=timeout)
+        except queue.Empty:
+            return None
+        if not line:
+            self._messages.put(b"")  # each later call must find the end, too
+            return None
         return loads(line)
+
+    @property
+    def has_message(self) -> bool:
+        """Whether a message has arrived, or the process has ended. This needs no system call."""
+        return not self._messages.empty()
 
     @property
     def is_running(self) -> bool:
@@ -111,21 +138,38 @@ class ChildProcess:
         with contextlib.suppress(OSError):
             self._input.close()
 
+    def finish(self, timeout: float) -> dict[str, Any] | None:
+        """Let the process end, and return its last message; None if it was killed.
+
+        A process that does not end in time is killed.
+        """
+        self.ask_to_end()
+        last, more = None, self.wait_for_request(timeout)
+        while more is not None:
+            last, more = more, self.wait_for_request(timeout)
+        self.end()
+        return last
+
     def end(self) -> None:
         """End the process. If it does not end within `END_TIME`, it is killed.
 
-        Before it ends, the live process reports the end to the open live pages. A process that does
-        not serve data yet is killed at once.
+        Before it ends, the live process reports the end to the open live pages. A process that is
+        not ready yet is killed at once.
         """
         self.ask_to_end()
         try:
-            if not self.url:
+            if not self._serves:
                 self._process.kill()
             self._process.wait(END_TIME)
         except subprocess.TimeoutExpired:
             self._process.kill()
             self._process.wait()
-        self._output.close()
+        self._thread.join(END_TIME)
+
+    def kill(self) -> None:
+        """Kill the process."""
+        self._process.kill()
+        self._process.wait()
 
     def move_off(self) -> None:
         """Do not permit the process to use the processor on which the control loop runs.
