@@ -19,6 +19,7 @@ from teleop.station.address import parse_address
 from teleop.station.agreement import document_of
 from teleop.station.connection import connect, listen
 from teleop.station.keys import read_key
+from teleop.station.station import WAITING
 from teleop.station.station_port import StationPort
 from teleop.trial.arming import arming_text, check_stated, is_armed
 from teleop.trial.station_waiting import Waiting
@@ -50,6 +51,10 @@ def run_station(
         port = stack.enter_context(StationPort(parse_address(address), given.side == "slave"))
         begin = listen if given.side == "slave" else connect
         connection = begin(port, secret, own, print_error)
+        if given.side == "slave" and trial.duration is None:
+            # the master ends the trial; the person there may take a while to arm the drives
+            most = connection.others["duration"] + WAITING
+            settings = replace(settings, duration=most)
         limit = connection.longest
         most = f", round trip at most {limit * 1e3:.1f} ms" if limit < math.inf else ""
         print_error(f"session with {connection.text}{most}")

@@ -6,7 +6,6 @@ import re
 import socket
 from typing import Any, NamedTuple
 
-from drivers.rig import reason
 from teleop.errors import InputError
 
 PORT = 47100
@@ -47,7 +46,8 @@ def parse_address(text: str) -> Address:
     try:
         family, _, _, _, place = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
     except OSError as error:
+        why = (error.strerror or str(error)).lower()
         raise InputError(
-            f"address {text!r}: {reason(error)}: expected the name or the number of a computer"
+            f"address {text!r}: {why}: expected the name or the number of a computer"
         ) from error
     return Address(family, place)

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 from drivers.input_file import read_input
 from teleop.errors import InputError
-from teleop.files import unwritable
+from teleop.files import unreadable, unwritable
 from teleop.names import SideName
 
 KEY_SIZE = 32
@@ -59,8 +59,11 @@ def write_key(path: Path) -> None:
 
 def read_key(path: Path) -> bytes:
     """Return the key in a file."""
-    data = read_input(path)
-    if os.name == "posix" and path.stat().st_mode & 0o077:
+    try:
+        data, mode = read_input(path), path.stat().st_mode
+    except OSError as error:
+        raise unreadable(path, error) from error
+    if os.name == "posix" and mode & 0o077:
         raise InputError(
             f"{path}: other users of this computer can read the key: expected a file that only its "
             f"owner can read (chmod 600 {path})"

@@ -16,8 +16,7 @@ import time
 from types import TracebackType
 from typing import Any, NamedTuple, Self
 
-from drivers.rig import reason
-from teleop.errors import InputError
+from teleop.errors import InputError, reason
 from teleop.station.address import Address
 
 LARGEST = 2048

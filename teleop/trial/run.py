@@ -116,6 +116,11 @@ def run_trial(
                 station,
             )
     check_stated(settings)
+    if settings.station and not station:
+        raise InputError(
+            f"station: the settings are those of the {settings.station.side} of two computers: "
+            f"expected teleop station {settings.station.side}"
+        )
     if condition:
         settings = replace(settings, custom_condition=described(condition))
         condition = prepared(condition, settings)
