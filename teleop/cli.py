@@ -21,6 +21,7 @@ from teleop.commands.export import export
 from teleop.commands.lag import lag
 from teleop.commands.list_installed import list_installed
 from teleop.commands.live import live
+from teleop.commands.merge import merge
 from teleop.commands.recover import recover
 from teleop.commands.report import report
 from teleop.commands.reproduce import reproduce
@@ -72,6 +73,7 @@ for command in (
     config,
     series,
     station,
+    merge,
     sweep,
     live,
     rig,

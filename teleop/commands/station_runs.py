@@ -51,6 +51,8 @@ def run_station(
         port = stack.enter_context(StationPort(parse_address(address), given.side == "slave"))
         begin = listen if given.side == "slave" else connect
         connection = begin(port, secret, own, print_error)
+        number = f"{connection.session.number:016x}"
+        settings = replace(settings, station=replace(given, session=number))
         if given.side == "slave" and trial.duration is None:
             # the master ends the trial; the person there may take a while to arm the drives
             most = connection.others["duration"] + WAITING

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from teleop.names import SideName
+from teleop.names import RecordedSideName
 
 
 @dataclass(frozen=True)
@@ -18,14 +18,17 @@ class StationSettings:
         A value is out of its range.
     """
 
-    side: SideName
-    """The side of this computer: master (the handle) or slave (the tool)."""
+    side: RecordedSideName
+    """The side of this computer: master (the handle) or slave (the tool). In a recording that
+    `teleop merge` has written: both."""
     max_silence: float = 0.1
     """Longest permitted time without data of the other station [s]. After this time, the drives are
     stopped."""
     retreat: float = 0.0
     """Distance by which the slave moves out of the specimen after a silence, before it stops [m]; 0
     to stop where it is."""
+    session: str = ""
+    """Number of the session, which the recordings of both stations have."""
 
     def __post_init__(self) -> None:
         if not 0.0 < self.max_silence <= 1.0:

@@ -88,6 +88,8 @@ def inconsistent_values(settings: TrialSettings) -> Iterator[str]:
 def problems_of_side(settings: TrialSettings) -> Iterator[str]:
     """Yield a message if the rig has another side of the telemanipulator than is needed."""
     rig, station = settings.rig and settings.rig.sections, settings.station
+    if station and station.side == "both":  # the rig file of a merged recording is that of a slave
+        return
     if rig and not station and not rig.has_slave:
         yield (
             f"rig {rig.name!r}: has no drives.slave: expected it, or `teleop station master` for a "
@@ -253,7 +255,13 @@ def problems_of_phases(
 def problems_of_handle(settings: TrialSettings) -> Iterator[str]:
     """Yield a message if the rig lacks the handle, or the coupling of the handle is not passive."""
     rig, coupling = settings.rig, settings.master_coupling
-    if rig and settings.has_master and not (rig.sections.channels.master_force or coupling):
+    merged = settings.station and settings.station.side == "both"
+    if (
+        rig
+        and settings.has_master
+        and not merged
+        and not (rig.sections.channels.master_force or coupling)
+    ):
         if settings.by_hand:
             others = [name for name in CONDITIONS if name not in BY_HAND]
             yield (

@@ -419,12 +419,12 @@ class TrialSettings:
     @property
     def has_slave(self) -> bool:
         """Whether this computer has the slave, and not only the master."""
-        return not self.station or self.station.side == "slave"
+        return not self.station or self.station.side != "master"
 
     @property
     def has_master(self) -> bool:
         """Whether this computer has the master, and not only the slave."""
-        return not self.station or self.station.side == "master"
+        return not self.station or self.station.side != "slave"
 
     @property
     def limits(self) -> Limits:
@@ -456,7 +456,9 @@ class TrialSettings:
             setup.transmission,
             self.force_master,
         )
-        return limits.of_side(self.station.side) if self.station else limits
+        if self.has_master and self.has_slave:
+            return limits
+        return limits.of_side("slave" if self.has_slave else "master")
 
     @property
     def plant_parameters(self) -> PlantParameters:

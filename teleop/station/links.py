@@ -45,6 +45,7 @@ class StationLinkValues(NamedTuple):
     slave_energy: float
     report_age: float
     motion_age: float
+    station_clock: float
     sent_datagrams: float
     received_datagram: float
     other_mode: float
@@ -75,6 +76,11 @@ class StationLink(Link):
     def sense(self, measurement: Measurement, dt: float) -> None:
         """Store the measurement of a tick."""
         self._measurement, self._dt = measurement, dt
+
+    @property
+    def _now(self) -> float:
+        """Time of the measurement of this tick [s]."""
+        return self._measurement.time if self._measurement else math.nan
 
     def _silence(self) -> float:
         """Return for how long nothing has arrived from the other station [s].
@@ -161,7 +167,7 @@ class MasterLink(StationLink):
             report.energy,
             age,
             math.nan,
-            *station.values(),
+            *station.values(self._now),
         )
         self.values = new_tuple(StationLinkValues, values)
 
@@ -242,5 +248,5 @@ class SlaveLink(StationLink):
             station.echo, station.lag = newest.sent, 0.0
         station.send(verdict, report_values(self._side.report(measurement, self._dt)))
         age = station.peer.age(station.echo).high
-        values = (*NO_MASTER, self._played, math.nan, math.nan, age, *station.values())
+        values = (*NO_MASTER, self._played, math.nan, math.nan, age, *station.values(self._now))
         self.values = new_tuple(StationLinkValues, values)

@@ -33,6 +33,7 @@ class ConnectionValues(NamedTuple):
     `teleop.streams.columns.STATION_COLUMNS` states the meaning and the unit of each value.
     """
 
+    station_clock: float
     sent_datagrams: float
     received_datagram: float
     other_mode: float
@@ -156,11 +157,12 @@ class Station:
         for _ in range(GOODBYES):
             self.peer.send(self._mode, self._flags | ENDING, self._values, self.echo, self._fault)
 
-    def values(self) -> ConnectionValues:
-        """Return the recorded values of the connection at this tick."""
+    def values(self, now: float) -> ConnectionValues:
+        """Return the recorded values of the connection at the tick at the time `now` [s]."""
         peer, offset = self.peer, self.peer.offset()
         newest = peer.newest
         return ConnectionValues(
+            now,
             float(peer.sent),
             float(newest.sequence) if newest else math.nan,
             float(newest.mode) if newest else math.nan,

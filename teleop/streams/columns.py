@@ -141,6 +141,7 @@ FEEDBACK_COLUMNS = (
 """Additional columns of a trial with force feedback or a communication channel: the fields of
 `teleop.control.bilateral.LinkValues`."""
 STATION_COLUMNS = (
+    Column("station_clock", "s", "time of the tick on the clock of this station"),
     Column("sent_datagrams", "-", "datagrams that were sent to the other station so far"),
     Column("received_datagram", "-", "number of the newest datagram of the other station, from 0"),
     Column("other_mode", "-", f"mode of the other station: {MODES}"),

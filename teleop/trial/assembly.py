@@ -101,8 +101,8 @@ def make_simulated_rig(
         slave_drive=settings.force_slave or "velocity",
         period=1.0 / settings.loop_rate,
     )
-    if isinstance(rig, OneSidedRig) and settings.station:
-        rig.side = settings.station.side
+    if isinstance(rig, OneSidedRig):
+        rig.side = "slave" if settings.has_slave else "master"
     return rig
 
 
