@@ -20,6 +20,8 @@ from estimation.estimate_columns import Column
 from teleop.errors import InputError
 from teleop.recording.black_box import write_black_box
 from teleop.recording.recording import Recording
+from teleop.recording.recording_file import RecordingFile
+from teleop.safety import Mode
 from teleop.streams.columns import COLUMNS, FEEDBACK_COLUMNS, STATION_COLUMNS
 
 OF_MASTER = (
@@ -44,6 +46,14 @@ OF_MASTER = (
 """Columns that the master records, and the slave does not."""
 SETTINGS_OF_MASTER = ("condition", "signal", "count_in_s", "operator_model", "force_master")
 """Settings that concern the master only."""
+COUNTS = ("lost", "overtaken", "rejected")
+OF_CONNECTION = (
+    "round_trip",
+    "offset_low",
+    "offset_high",
+    *(f"{name}_datagrams" for name in COUNTS),
+)
+"""Columns that `connection_summary` needs."""
 NOTE = "master station"
 """Source of the events of the master in a merged recording."""
 
@@ -113,11 +123,11 @@ def common_interval(master: Recording, slave: Recording) -> tuple[Floats, Floats
 
     It is that of the slave, made narrower by that of the master at about the same time.
     """
-    low, high = slave["offset_low"], slave["offset_high"]
+    low, high = finite(slave["offset_low"]), finite(slave["offset_high"])
     clock = slave["station_clock"] - 0.5 * (low + high)
     ends = []
     for name in ("offset_high", "offset_low"):
-        values, times = -master[name], master["station_clock"]
+        values, times = -finite(master[name]), master["station_clock"]
         ends.append(interpolated(clock, times, values))
     low = np.fmax(low, ends[0])
     high = np.fmin(high, ends[1])
@@ -127,10 +137,13 @@ def common_interval(master: Recording, slave: Recording) -> tuple[Floats, Floats
 
 def interpolated(at: Floats, times: Floats, values: Floats) -> Floats:
     """Return values at other times, linear between two finite ones; NaN outside and beside NaN."""
-    with np.errstate(invalid="ignore"):
-        finite = np.where(np.isfinite(values), values, np.nan)
-        result: Floats = np.interp(at, times, finite, left=np.nan, right=np.nan)
+    result: Floats = np.interp(at, times, finite(values), left=np.nan, right=np.nan)
     return result
+
+
+def finite(values: Floats) -> Floats:
+    """Return values with NaN in place of infinity."""
+    return np.where(np.isfinite(values), values, np.nan)
 
 
 def write_merged(path: Path, merged: Recording) -> None:
@@ -145,26 +158,24 @@ def write_merged(path: Path, merged: Recording) -> None:
     write_black_box(path, columns, merged, metadata, round(created.timestamp() * 1e9))
 
 
-def connection_summary(recording: Recording) -> dict[str, Any]:
+def connection_summary(recording: Recording | RecordingFile) -> dict[str, Any]:
     """Return what a station has measured of its connection while the drives were armed.
 
-    The result is empty for a recording of one computer. All times are in s.
+    The result is empty if they were not. All times are in s.
     """
-    if "round_trip" not in recording:
-        return {}
-    active = recording.where(recording["mode"] == 3.0)
-    if not len(active):
-        return {}
-    trips = active["round_trip"][np.isfinite(active["round_trip"])]
-    known = active.where(np.isfinite(active["offset_low"] + active["offset_high"]))
-    if not (len(trips) and len(known)):
+    columns = {name: [np.empty(0)] for name in OF_CONNECTION}
+    for block in recording.blocks(lambda name: name in ("mode", *OF_CONNECTION)):
+        active = block["mode"] == Mode.ACTIVE
+        for name, parts in columns.items():
+            parts.append(block[name][active])
+    trip, low, high, *counts = (np.concatenate(parts) for parts in columns.values())
+    known = np.isfinite(trip + low + high)
+    if not known.any():
         return {}
     return {
-        "round_trip_s": float(np.median(trips)),
-        "round_trip_largest_s": float(np.max(trips)),
-        "offset_low_s": float(known["offset_low"][-1]),
-        "offset_high_s": float(known["offset_high"][-1]),
-        **{
-            name: int(active[f"{name}_datagrams"][-1]) for name in ("lost", "overtaken", "rejected")
-        },
+        "round_trip_s": float(np.median(trip[known])),
+        "round_trip_largest_s": float(np.max(trip[known])),
+        "offset_low_s": float(low[known][-1]),
+        "offset_high_s": float(high[known][-1]),
+        **{name: int(one[-1]) for name, one in zip(COUNTS, counts, strict=True)},
     }
