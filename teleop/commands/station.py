@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import App, Parameter
 
 from teleop.commands.estimation_options import NEW_TRIAL, Estimation
+from teleop.commands.live_options import NOT_LIVE, Live
 from teleop.commands.one_trial import TABLES, Output
 from teleop.commands.options import CONTROL, TRIAL
 from teleop.commands.quantities import Length, Seconds
@@ -59,6 +60,7 @@ def slave(
     max_silence: Silence = 0.1,
     retreat: Annotated[Length, Parameter(group=CONTROL)] = 0.0,
     realtime: Realtime = "try",
+    live: Live = NOT_LIVE,
     trial: Trial = DEFAULTS,
     estimation: Estimation = NEW_TRIAL,
     output: Output = TABLES,
@@ -95,7 +97,7 @@ def slave(
 
     with as_input_error():
         given: StationSettings = StationSettings("slave", max_silence, retreat)
-    return run_station(rig, given, listen, key, yes, realtime, trial, estimation, output)
+    return run_station(rig, given, listen, key, yes, realtime, live, trial, estimation, output)
 
 
 @station.command
@@ -108,6 +110,7 @@ def master(
     yes: Yes = False,
     max_silence: Silence = 0.1,
     realtime: Realtime = "try",
+    live: Live = NOT_LIVE,
     trial: Trial = DEFAULTS,
     estimation: Estimation = NEW_TRIAL,
     output: Output = TABLES,
@@ -141,4 +144,4 @@ def master(
 
     with as_input_error():
         given = StationSettings("master", max_silence)
-    return run_station(rig, given, connect, key, yes, realtime, trial, estimation, output)
+    return run_station(rig, given, connect, key, yes, realtime, live, trial, estimation, output)

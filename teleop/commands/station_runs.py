@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from teleop.commands.estimation_options import EstimationOptions
+from teleop.commands.live_options import LiveOptions
 from teleop.commands.one_trial import OutputOptions, TrialRunner
 from teleop.commands.trial_options import TrialOptions
 from teleop.control.station_settings import StationSettings
@@ -32,6 +33,7 @@ def run_station(
     key_file: Path,
     yes: bool,
     realtime: RealtimeName,
+    live: LiveOptions,
     trial: TrialOptions,
     estimation: EstimationOptions,
     output: OutputOptions,
@@ -63,5 +65,8 @@ def run_station(
         asked = settings.needs_arming and not yes
         if asked and not is_armed(settings.rig or settings.rig_name, arming_text(settings)):
             return 130
+        live = live.requested([settings])
+        live.arms([settings], yes=True)  # the page shows and stops, but does not arm
+        link = stack.enter_context(live.linked([settings], by_page=False, choose=False))
         waiting = stack.enter_context(Waiting(connection))
-        return TrialRunner(output, realtime, explained=asked, station=waiting).run(settings)
+        return TrialRunner(output, realtime, link, asked, waiting).run(settings)
