@@ -120,7 +120,7 @@ def master(
     The drives are armed when the person at each station has permitted it, and the round trip is
     short enough for the force feedback.
 
-    Example: `teleop station master --connect 127.0.0.1 --key station.key --duration 10`
+    Example: `teleop station master --connect 127.0.0.1 --key station.key`
 
     Parameters
     ----------

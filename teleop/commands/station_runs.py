@@ -69,4 +69,8 @@ def run_station(
         live.arms([settings], yes=True)  # the page shows and stops, but does not arm
         link = stack.enter_context(live.linked([settings], by_page=False, choose=False))
         waiting = stack.enter_context(Waiting(connection))
-        return TrialRunner(output, realtime, link, asked, waiting).run(settings)
+        code = TrialRunner(output, realtime, link, asked, waiting).run(settings)
+        station = waiting.station
+        if station and station.reason and not station.armed:
+            raise InputError(f"{station.reason}: nothing was moved")
+        return code

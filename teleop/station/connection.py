@@ -54,8 +54,6 @@ class Connection(NamedTuple):
 
     def begin(self, clock: Clock) -> Station:
         """Return the station for a control loop with this clock."""
-        while self.port.receive(MOST):  # what arrived before the loop is old
-            pass
         first = CONFIRMATIONS if self.side == "master" else 0
         peer = Peer(self.port, self.place, self.session, clock.now, first)
         return Station(self.side, peer, self.longest)

@@ -20,6 +20,9 @@ from teleop.station.round_trip import RoundTrip
 
 FRESH = 0.1
 """Greatest age of the newest datagram with which the drives may be armed [s]."""
+LEFT = 5.0
+"""Time without data after which a station that is not armed ends, because the other one has ended
+[s]."""
 WAITING = 10.0
 """Longest time for which an armed slave waits at rest until the master is armed [s]."""
 GOODBYES = 5
@@ -98,7 +101,9 @@ class Station:
             self._watch(now, newest.mode, bool(newest.flags & ENDING), newest.fault)
         if self._armed:
             return
-        if newest.flags & ENDING or newest.mode is FAULT:
+        if now - self.peer.heard > LEFT:
+            self.reason = f"the {self.other} has sent nothing for {LEFT:g} s"
+        elif newest.flags & ENDING or newest.mode is FAULT:
             why = f": {FAULTS[newest.fault]}" if newest.fault != NO_FAULT else ""
             self.reason = f"the {self.other} ended before the drives were armed{why}"
         self.waits_for = self._missing(now, newest.mode, bool(newest.flags & CONSENT))

@@ -139,6 +139,24 @@ def test_nothing_is_armed_without_a_person_at_both_ends(absent):
     armed(pair)
 
 
+@pytest.mark.parametrize("ended", ["master", "slave"])
+def test_a_station_ends_if_the_other_one_ended_before_it_was_armed(ended):
+    for goodbye in (True, False):
+        pair = TwoStations(PLAIN)
+        pair.run(100)
+        one, other = pair.master, pair.slave
+        if ended == "slave":
+            one, other = other, one
+        if goodbye:
+            one.station.finish()
+        one.runs = False
+        pair.run(10 if goodbye else 5100)
+        assert not other.runs
+        assert not other.station.armed
+        text = "ended before" if goodbye else "has sent nothing for 5 s"
+        assert f"the {ended} station {text}" in other.station.reason
+
+
 def test_the_master_does_not_begin_before_the_slave_is_armed():
     pair = TwoStations(PLAIN)
     pair.slave.switch.page.arms = False
