@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import sys
 from pathlib import Path
 
 from setuptools import setup
@@ -10,6 +11,7 @@ from setuptools.command.build_py import build_py
 from setuptools.command.sdist import sdist
 
 TOP = Path(__file__).parent
+sys.path.insert(0, str(TOP))  # `teleop/software.py` imports the version from `telepalpation`
 
 
 def write_commit(package: Path) -> None:

@@ -185,7 +185,9 @@ def checks(name: str, path: Path, seeds: Sequence[int]) -> Iterator[str]:
     with emulated(path, "autonomous") as run_file:  # nobody holds the handle
         for attempt in seeds:
             time.sleep(1.5 if attempt else 0.0)  # until the plant is in its initial state
-            found, code, problem = teleop("rig", "check", run_file, "--move", "--yes")
+            found, code, problem = teleop(
+                "rig", "check", run_file, "--duration", "1", "--move", "--yes"
+            )
             drives = "; ".join(
                 ", ".join(
                     f"{key} {value:.3g}" if isinstance(value, float) else f"{key} {value}"

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from fault_case import Case, FileSink
+from fault_case import FLUSHED, Case
 from fault_evidence import (
     accelerated,
     after_stall,
@@ -40,6 +40,8 @@ from teleop.trial.page_requests import PAGE_AGE, PROCESS_SILENCE
 PERIOD = 1e-3
 RAMP = BRAKING_TIME + PERIOD
 WATCHDOG = 0.1
+FOUND = 2 * FLUSHED * PERIOD
+"""Longest time until the recorder notices that it cannot write [s]: it writes when it flushes."""
 
 Inject = Callable[[Case], Any]
 Evidence = Callable[[Case, float, float], bool]
@@ -60,6 +62,8 @@ class Kind:
     """Source that must be reported with the fault; empty for any source."""
     evidence: Evidence = at_once
     """Function that returns whether the fault can be detected yet."""
+    notes: bool = False
+    """Whether an event must state that there are no estimates."""
     ends: bool = False
     """Whether the run must end with a stop that is not a fault."""
     obeys: bool = True
@@ -226,11 +230,7 @@ def late_jumps() -> None:
 
 
 def recorder(failure: str) -> Inject:
-    def fail(case: Case) -> None:
-        sink = next(sink for sink in case.sinks if isinstance(sink, FileSink))
-        getattr(sink, failure)()
-
-    return fail
+    return lambda case: getattr(case.readers, failure)()
 
 
 def die(case: Case) -> None:
@@ -305,12 +305,10 @@ KINDS = sensor_kinds() | {
         lose(200, 0), frozenset({Fault.OVERRUN}), PERIOD, evidence=after_stall
     ),
     "loop skips 3 of 4 periods": Kind(lose(0, 3), frozenset({Fault.OVERRUN}), 0.5),
-    "exception in an estimator": Kind(
-        break_estimator, frozenset({Fault.ESTIMATION_FAILURE}), RAMP + PERIOD
-    ),
+    "exception in an estimator": Kind(break_estimator, CONTINUES, math.inf, notes=True),
     "exception in the condition": Kind(break_condition, frozenset({Fault.CONTROL_FAILURE}), RAMP),
-    "disk full": Kind(recorder("fill"), CONTINUES, math.inf),
-    "recorder killed": Kind(recorder("kill"), CONTINUES, math.inf),
+    "disk full": Kind(recorder("fill"), CONTINUES, FOUND + RAMP, ends=True),
+    "recorder killed": Kind(recorder("kill"), CONTINUES, RAMP + 2 * PERIOD, ends=True),
     "controller killed": Kind(die, CONTINUES, WATCHDOG + PERIOD),
     "channel silent": Kind(
         silence,

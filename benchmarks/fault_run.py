@@ -7,13 +7,14 @@ import os
 from pathlib import Path
 from typing import Any
 
-from fault_case import FLUSHED, Case, FileSink
+from fault_case import Case
 from fault_evidence import at_once
 from fault_kinds import CONTINUES, KINDS, PERIOD
 
 from teleop.recording.mcap_reader import read_intact
-from teleop.recording.recording import load
 from teleop.safety import Mode
+from teleop.streams.message import messages_of
+from teleop.trial.readers import ESTIMATION
 
 SETTLE = 60
 """Number of ticks that are run after standstill, because the contact force may still increase."""
@@ -30,11 +31,9 @@ def run_case(case: Case, name: str, folder: Path, slack: float = 0.0) -> dict[st
     `slack` is the allowed lateness of a tick in real time [s].
     """
     kind = KINDS[name]
-    sink = FileSink(folder / f"{os.getpid()}.mcap", case.layout, case.layout.columns)
-    for message in list(case.box._messages)[-200:]:
-        sink.push(message)
-    case.sinks.append(sink)
-    taken = len(sink.pushed)
+    readers, stream = case.readers, case.stream
+    readers.begin_recording(folder / f"{os.getpid()}.mcap")
+    taken = stream.newest
     kind.inject(case)
     started = case.clock.now()
     known, stopped, travel, change, peak = math.inf, 0.0, 0.0, 0.0, 0.0
@@ -72,9 +71,8 @@ def run_case(case: Case, name: str, folder: Path, slack: float = 0.0) -> dict[st
             break
         if n > 400 and kind.faults == CONTINUES and not (case.killed or kind.ends):
             break
-    for other in case.sinks:
-        other.close()
-    events = [e for e in case.box._events if e["fault"]]
+    readers.close()
+    events = [e for e in stream.events if e["fault"]]
     fault = next((e["fault"] for e in events if e["fault"] in kind.faults), None)
     if events and not fault:
         fault = events[0]["fault"]
@@ -93,16 +91,19 @@ def run_case(case: Case, name: str, folder: Path, slack: float = 0.0) -> dict[st
     overshoot = peak - case.limits.hard_force if kind.obeys else -case.limits.hard_force
     if overshoot > OVERSHOOT * case.limits.hard_force:
         problems.append(f"contact force {overshoot:.1f} N over the limit")
+    if kind.notes and not any(e["source"] == ESTIMATION for e in stream.events):
+        problems.append("no note about the estimation")
     try:
         broken = name in ("disk full", "recorder killed")
-        data = read_intact(sink.path).messages if broken else None
-        kept = len(data) // case.layout.size if broken else len(load(sink.path))
-        whole = len(sink.pushed) if not broken else taken // FLUSHED * FLUSHED
-        if kept < whole or (broken and bytes(data) != b"".join(sink.pushed[:kept])):
+        data = bytes(read_intact(readers.path).messages)
+        pushed = messages_of(stream.reader().rows(readers.first, stream.newest + 1)[2])
+        whole = len(pushed) if not broken else taken - readers.first + 1
+        kept = len(data) // len(pushed[0])
+        if kept < whole or data != b"".join(pushed[:kept]):
             problems.append(f"recording holds {kept} of {whole} ticks")
     except Exception as error:
         problems.append(f"recording: {error}")
-    sink.path.unlink(missing_ok=True)
+    readers.path.unlink(missing_ok=True)
     return {
         "kind": name,
         "condition": case.settings.condition,

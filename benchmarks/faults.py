@@ -30,6 +30,7 @@ import sys
 import tempfile
 import time
 from datetime import date
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -38,6 +39,7 @@ from fault_kinds import CHANNEL, KINDS, PERIOD, late_jumps
 from fault_run import run_case
 from page_in_process import InProcess
 from page_process import PageProcess
+from private_stream import private_stream
 
 from sim_backend.faults import FaultyRig
 from teleop.control.admittance import AdmittanceParameters
@@ -46,6 +48,7 @@ from teleop.control.feedback.settings import FeedbackSettings
 from teleop.names import FeedbackName
 from teleop.safety import Fault
 from teleop.settings.trial_settings import TrialSettings
+from teleop.streams.stream import Stream
 from teleop.trial.assembly import make_clock, make_rig
 from teleop.trial.realtime import realtime
 
@@ -109,14 +112,9 @@ def virtual(
     clock = CampaignClock(settings.loop_rate)
     rig = FaultyRig(make_rig(settings, clock.now))
     rig.open()
-    case = Case(
-        settings,
-        rig,
-        clock,
-        (lambda layout: InProcess(layout, True, False, clock.now)) if page else None,
-    )
-    if isinstance(case.page, InProcess):
-        clock.page = case.page
+    clock.page = InProcess(True, False, clock.now) if page else None
+    make_stream = partial(private_stream, now=clock.now)
+    case = Case(settings, rig, clock, make_stream, clock.page)
     case.arm()
     random_ = random.Random(f"{condition} {cube} {seed}")
     moments = sorted(random_.sample(range(100, 5900), instants))
@@ -182,7 +180,8 @@ def real(
     clock = Clock(settings.loop_rate)
     rig = FaultyRig(make_rig(settings, clock.now))
     rig.open()
-    case = Case(settings, rig, clock, (lambda layout: PageProcess(layout, True)) if page else None)
+    make_stream = partial(Stream, shared=page)
+    case = Case(settings, rig, clock, make_stream, PageProcess(True) if page else None)
     try:
         with realtime("try") as real_time, tempfile.TemporaryDirectory() as folder:
             real_time.start()
@@ -192,6 +191,7 @@ def real(
                 case.loop.step()
             return run_case(case, name, Path(folder), LATE + PAGE_LATE * KINDS[name].paged)
     finally:
+        case.stream.close()
         if case.page:
             case.page.end()
 

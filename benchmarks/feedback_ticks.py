@@ -8,8 +8,8 @@ before a trial is left out, because it ends the trial if other programs keep the
 
 The time that a law adds to a tick is measured separately, in virtual time. Trials with all laws
 are advanced in turn by one tick at a time, in one process, in an order that changes. The table has
-the medians of the paired differences to the law none. The time is that of condition, link,
-supervisor and estimators, the column `compute_time` of a recording.
+the medians of the paired differences to the law none. The time is that of condition, link and
+supervisor, the column `compute_time` of a recording.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ def live(law: FeedbackName, rig: Path, seconds: float) -> tuple[str, bool]:
         depth=DEPTH["hand"]["soft"],
     )
     with tempfile.TemporaryDirectory() as folder:
-        trial = run_trial(settings, Path(folder) / "trial.mcap", real="try")
+        trial = run_trial(settings, Path(folder) / "trial.mcap", real="try", arm=True)
     recording = trial.recording
     compute = recording["compute_time"][WARM:] * 1e6
     found = trial.feedback() or {}
@@ -92,7 +92,7 @@ def paired(ticks: int, channel: ChannelSettings | None) -> dict[FeedbackName, np
         clock = make_clock(settings)
         rig = make_rig(settings, clock.now)
         rig.open()
-        controller = make_controller(settings, rig, settings.estimation_preset.bank(), clock)
+        controller = make_controller(settings, rig, clock)
         controller._stopwatch = time.perf_counter  # in virtual time, it would measure 0
         trials[law] = clock, controller
     spent: dict[FeedbackName, list[float]] = {law: [] for law in LAWS}
@@ -114,7 +114,7 @@ def main() -> None:
     parser.add_argument("--attempts", type=int, default=1, help="until a trial is complete")
     parser.add_argument("--ticks", type=int, default=20000, help="paired ticks in virtual time")
     options = parser.parse_args()
-    run_module.check_rate = lambda settings: 0.0
+    run_module.check_rate = lambda settings, real: None
     run_module.check_wire = lambda rig, clock, cost: None
     print(
         f"on an emulated serial board in real time, channel {CHANNEL.text}, d = {DAMPING:g} N s/m"

@@ -66,7 +66,7 @@ def malformed(good: bytes, chance: random.Random) -> bytes:
 def slcan_line(data: bytes) -> None:
     """Decode a line. Only ValueError is an allowed exception, because the bus counts it."""
     with contextlib.suppress(ValueError):
-        decode(data.rstrip(b"\r"), 0.0)
+        decode(data.rstrip(b"\r"))
 
 
 def page(data: bytes) -> None:

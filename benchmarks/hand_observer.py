@@ -22,9 +22,9 @@ from drivers import Measurement
 from estimation.arrays import Floats
 from sim_backend import ARM, ForceMaster, SimulatedRig
 from teleop.control.feedback.settings import FeedbackSettings
-from teleop.streams.columns import OBSERVED
 from teleop.settings import trial_settings
 from teleop.settings.trial_settings import TrialSettings
+from teleop.streams.columns import OBSERVED
 from teleop.trial import assembly
 from teleop.trial.run import run_trial
 

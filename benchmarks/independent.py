@@ -101,7 +101,15 @@ class Case:
 
     @functools.cached_property
     def complex_stiffness(self) -> complex:
+        """Complex stiffness of body and compliance at the frequency of a sine, in the steady state.
+
+        The record of a body that relaxes still contains the decay of its start, which would change
+        the fundamentals.
+        """
         truth = self.truth
+        if self.kind.body in LINEAR_BODIES:
+            own = complex(self.body.complex_stiffness(self.draw.omega))
+            return own / (1.0 + self.draw.notes.get("compliance", 0.0) * own)
         return physics.complex_stiffness(truth.t, truth.tip, truth.body, self.draw.frequency)
 
     def stiffnesses(self, force: float, named_storage: bool = False) -> list[float]:

@@ -109,6 +109,11 @@ class Relaxing:
             f += share * tau / dt * lfilter([1.0 - decay], [1.0, -decay], change)
         return f if self.bonded else np.where(d > 0.0, np.maximum(f, 0.0), 0.0)
 
+    def complex_stiffness(self, omega: float) -> complex:
+        """Return the complex stiffness in a steady sine; the law must be linear."""
+        k = float(self.law(np.ones(1))[0])
+        return k * (1.0 + sum(s * 1j * omega * t / (1.0 + 1j * omega * t) for s, t in self.arms))
+
 
 def poroelastic(k: float, tau: float, terms: int = 30) -> Relaxing:
     """Return a layer that consolidates (Terzaghi): its arms are those of sqrt(s tau) coth."""
@@ -130,6 +135,10 @@ class Springpot:
         weights = np.concatenate([[1.0], np.cumprod(1.0 - (self.alpha + 1.0) / n)])
         fractional = fftconvolve(d, weights)[: len(t)] * dt**-self.alpha
         return self.spring * d + self.coefficient * fractional
+
+    def complex_stiffness(self, omega: float) -> complex:
+        """Return the complex stiffness in a steady sine."""
+        return self.spring + self.coefficient * complex(0.0, omega) ** self.alpha
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,7 @@
 """Kill a process of a trial at random times, and check what is lost and when the slave stops.
 
     python benchmarks/kills.py              # 25 kills of each kind
-    python benchmarks/kills.py --times 2 --target live
+    python benchmarks/kills.py --times 2 --target "live page"
 
 The controller, the recorder or the live process is killed with SIGKILL: without and with force
 feedback over a channel, without a live page, with a live page that only watches, and with a live
@@ -10,7 +10,8 @@ the table shows the ticks that are not in the recovered recording (the largest n
 and the limit), the longest time until the slave stopped, and its limit:
 
 - If the controller is killed, the watchdog of the rig stops the slave, and no tick is lost.
-- If the recorder is killed, the run continues, and at most 300 ms are lost.
+- If the recorder is killed, the trial ends with a ramp, and at most 100 ms are lost. `readers.py`
+  kills the other readers.
 - If the live process is killed, no tick is lost. The slave stops only if the page armed the drives.
 
 The last columns are the numbers of kills with recovered ticks that are not contiguous, with a
@@ -23,12 +24,11 @@ from __future__ import annotations
 
 import argparse
 import itertools
-import mmap
+import json
 import os
 import random
 import shlex
 import signal
-import struct
 import subprocess
 import sys
 import tempfile
@@ -43,33 +43,29 @@ import numpy as np
 from fault_kinds import RAMP
 from faults import settings_of
 from page_process import PageProcess
+from watched_trial import Announcement, WatchedTrial
 
 from drivers import Command, Measurement, Rig
 from sim_backend import CUBES, FreePalpation, SimulatedRig
 from teleop.errors import InputError
-from teleop.recording.recorder import RecorderProcess
 from teleop.recording.recording import Recording, load
-from teleop.safety import Event, Fault, Mode
-from teleop.trial.assembly import make_layout
+from teleop.safety import Fault
+from teleop.trial import run as run_module
 from teleop.trial.page_requests import PROCESS_SILENCE
+from teleop.trial.readers import CHECK
 from teleop.trial.run import run_trial
 
 WATCHDOG = 0.1
 """Timeout of the emulated drive's watchdog [s]."""
 LATEST = 0.02
 """Allowed lateness of the watchdog on a busy machine [s]."""
-LOST = 0.3
+LOST = 0.1
 """Largest loss of a killed recorder [s]."""
-COUNTS = struct.Struct("<qqqqq")
-"""Content of the shared memory: pushed ticks, process ids of recorder and live process, whether the
-drives were armed, and state of the run.
-
-The state is 0 during the run, 1 after a complete run, and 2 if the recording was not complete.
-"""
+LIVE = "live page"
 TARGETS = {
     "controller": ("none", "arms"),
     "recorder": ("none", "arms"),
-    "live": ("watches", "arms"),
+    LIVE: ("watches", "arms"),
 }
 """What the live page may do in the runs in which a process is killed: there is none, it only
 watches, or the drives were armed in it."""
@@ -148,32 +144,17 @@ class RemoteRig(Rig):
         return bool(self._call("idle"))
 
 
-def victim(path: Path, shared: Path, address: str, real: Any, law: Any, page: str) -> None:
-    """Run the controller. It, its recorder or its live process will be killed."""
-    with shared.open("r+b") as file:
-        counts = mmap.mmap(file.fileno(), COUNTS.size)
-    push, event = RecorderProcess.push, RecorderProcess.event
-    pushed = armed = 0
+def victim(path: Path, address: str, real: Any, law: Any, page: str) -> None:
+    """Run the controller. It, its recorder or its live process will be killed.
+
+    At the end, whether the recording is complete is written to standard output.
+    """
+    run_module.check_rate = lambda settings: 0.0
     settings = settings_of("free", "soft", law, duration=2.0)
     live = None
     if page != "none":
-        layout = make_layout(settings, settings.estimation_preset.bank())
-        live = PageProcess(layout, page == "arms")
+        live = PageProcess(page == "arms")
         live.arm()
-
-    def counted(self: RecorderProcess, message: bytes) -> None:
-        nonlocal pushed
-        push(self, message)
-        pushed += 1
-        COUNTS.pack_into(counts, 0, pushed, self.process.pid, live.pid if live else 0, armed, 0)
-
-    def noticed(self: RecorderProcess, happened: Event) -> None:
-        nonlocal armed
-        armed = armed or happened.mode is Mode.ACTIVE
-        event(self, happened)
-
-    RecorderProcess.push = counted  # type: ignore[method-assign]
-    RecorderProcess.event = noticed  # type: ignore[method-assign]
     trial = run_trial(
         settings,
         path,
@@ -181,8 +162,9 @@ def victim(path: Path, shared: Path, address: str, real: Any, law: Any, page: st
         rig_maker=lambda now: RemoteRig(Client(address)),
         arm=True,
         live=live,
+        viewers=[Announcement()],
     )
-    COUNTS.pack_into(counts, 0, pushed, 0, 0, armed, 1 + bool(trial.incomplete))
+    print(json.dumps({"complete": not trial.incomplete}), flush=True)
     if live:
         live.end()
 
@@ -228,37 +210,31 @@ def kill(
     target: str, law: str, page: str, folder: Path, instant: float, real: str
 ) -> dict[str, Any]:
     """Run a controller, kill one of its processes, and return the losses."""
-    path, shared = folder / "run.mcap", folder / "counts"
-    shared.write_bytes(bytes(COUNTS.size))
-    address = str(folder / "rig")
+    path, address = folder / "run.mcap", str(folder / "rig")
     me = [sys.executable, __file__]
     rig = subprocess.Popen([*me, "--rig", address], stdout=subprocess.PIPE, text=True)
     assert rig.stdout
     rig.stdout.readline()
-    controller = subprocess.Popen(
-        [*me, "--victim", str(path), str(shared), address, law, page, "--realtime", real]
-    )
-
-    def counts() -> tuple[int, int, int, int, int]:
-        return COUNTS.unpack(shared.read_bytes())
-
-    while not counts()[3]:
-        time.sleep(0.01)
-        if controller.poll() is not None:
-            rig.kill()
-            rig.communicate()
-            faults = faults_of(load(path))
-            return {"overran": OVERRUN in faults, "problem": f"not armed: {faults}"}
-    time.sleep(0.1 + instant)
-    pushed, recorder, live, *_ = counts()
-    pids = {"controller": controller.pid, "recorder": recorder, "live": live}
-    os.kill(pids[target], signal.SIGKILL)
-    at_kill = counts()[0]
-    controller.wait()
-    pushed, *_, state = counts()
-    stopped = float(rig.stdout.readline())
-    rig.wait()
-    left = remaining([pid for pid in (recorder, live) if pid])
+    trial = WatchedTrial(__file__, "--victim", str(path), address, law, page, "--realtime", real)
+    ticks = trial.stream.ticks
+    try:
+        trial.wait_until_armed()
+        time.sleep(0.1 + instant)
+        pids = {"controller": trial.process.pid, **trial.readers}
+        os.kill(pids[target], signal.SIGKILL)
+        at_kill = ticks.newest
+        end = trial.wait()
+        pushed = ticks.newest
+        stopped = float(rig.stdout.readline())
+        rig.wait()
+    except ConnectionError as error:
+        return {"overran": OVERRUN in str(error), "problem": f"not armed: {error}"}
+    finally:
+        rig.kill()
+        rig.communicate()
+        trial.process.kill()
+        left = remaining([*trial.readers.values()])
+        files = trial.clean_up()
     recording = recovered(path, target)
     if target == "recorder":
         pushed = at_kill
@@ -273,12 +249,15 @@ def kill(
     faults, expected = faults_of(recording), []
     if target == "controller":
         result["stopped"] = stopped
-    elif target == "live" and page == "arms":
-        expected = [str(Fault.PAGE_LOST)]
-        moves = np.flatnonzero(recording["commanded_slave_velocity"])
+    elif bound(target, page):
+        expected = [str(Fault.PAGE_LOST)] if target == LIVE else []
+        columns = trial.columns()
+        t, moves = columns["time"], np.flatnonzero(columns["commanded_slave_velocity"])
         result["stopped"] = max(t[moves[-1] + 1] - t[at_kill - 1], 0.0)
-    if target != "controller" and state != 1 + (target == "recorder"):
-        result["problem"] = f"state {state}"
+    if target != "controller" and end.get("complete") is not (target != "recorder"):
+        result["problem"] = f"the process of the trial reports {end}"
+    if files:
+        result["problem"] = f"{files} files of shared memory are left"
     if faults != expected:
         result["problem"] = f"faults {faults}"
     return result | {"overran": OVERRUN in faults}
@@ -299,7 +278,9 @@ def bound(target: str, page: str) -> float:
     """Return the longest permitted time from the kill until the slave has stopped [s]."""
     if target == "controller":
         return WATCHDOG + LATEST
-    return PROCESS_SILENCE + RAMP + LATEST if (target, page) == ("live", "arms") else 0.0
+    if target == "recorder":
+        return CHECK + RAMP + LATEST
+    return PROCESS_SILENCE + RAMP + LATEST if (target, page) == (LIVE, "arms") else 0.0
 
 
 def table_line(target: str, law: str, page: str, results: list[dict[str, Any]]) -> bool:
@@ -329,15 +310,15 @@ def main() -> int:
     parser.add_argument("--target", choices=[*TARGETS], help="only this one")
     parser.add_argument("--law", choices=LAWS, help="only this law of force feedback")
     parser.add_argument("--realtime", choices=("require", "try", "off"), default="try")
-    parser.add_argument("--victim", nargs=5, help=argparse.SUPPRESS)
+    parser.add_argument("--victim", nargs=4, help=argparse.SUPPRESS)
     parser.add_argument("--rig", help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.rig:
         serve_rig(options.rig)
         return 0
     if options.victim:
-        path, shared, address, law, page = options.victim
-        victim(Path(path), Path(shared), address, options.realtime, law, page)
+        path, address, law, page = options.victim
+        victim(Path(path), address, options.realtime, law, page)
         return 0
     rng = random.Random(options.seed)
     print(f"# python {shlex.join(sys.argv)}, {date.today()}")

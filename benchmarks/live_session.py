@@ -85,13 +85,13 @@ class Page:
 
 
 @contextlib.asynccontextmanager
-async def connected(address: str, token: str) -> AsyncIterator[Page]:
+async def connected(address: str, token: str, kind: type[Page] = Page) -> AsyncIterator[Any]:
     """Open a page of a server within the block."""
     async with connect(
         f"ws://{address}/ws", origin=f"http://{address}", compression=None
     ) as connection:
         await connection.send(json.dumps({"type": "hello", "token": token, "view": "main"}))
-        page = Page(connection)
+        page = kind(connection)
         try:
             yield page
         finally:

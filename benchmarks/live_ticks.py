@@ -8,14 +8,16 @@ import time
 import numpy as np
 
 from teleop.live.cells import SIZE, CellReader
-from teleop.streams.ring import SLOTS, RingWriter, ring_size
-from teleop.streams.columns import Layout
-from teleop.recording.sinks import Memory, Sink
 from teleop.settings.trial_settings import TrialSettings
-from teleop.trial.assembly import make_clock, make_controller, make_simulated_rig
+from teleop.streams.stream import Stream
+from teleop.trial.assembly import make_clock, make_controller, make_layout, make_simulated_rig
 from teleop.trial.loop import Loop
 from teleop.trial.page_requests import PageRequests
+from teleop.trial.readers import Readers
 from teleop.trial.stop_switch import StopSwitch
+
+TICKS = 2000
+"""Number of ticks of a loop."""
 
 
 def report(name: str, values: list[float], unit: str, aim: str) -> None:
@@ -29,59 +31,47 @@ def report(name: str, values: list[float], unit: str, aim: str) -> None:
 
 
 def parts() -> None:
-    """Print the time that a tick needs for the shared memory of the live page, ring and cells."""
-    message = bytes(500)
-    ring = RingWriter(mmap.mmap(-1, ring_size(SLOTS, len(message))), SLOTS, len(message))
+    """Print the time that a tick needs for the shared memory: the stream and the page's cells."""
+    loop = make_loop(0, False)
+    record = loop.controller.tick(loop._clock.wait())
     requests = PageRequests(CellReader(mmap.mmap(-1, SIZE)), by_page=True)
-    for name, call in (("ring", lambda: ring.write(message)), ("cells", requests.read)):
+    write = loop._stream.write
+    for name, call in (("stream", lambda: write(record)), ("cells", requests.read)):
         durations = []
         for _ in range(20_000):
             start = time.perf_counter_ns()
             call()
             durations.append((time.perf_counter_ns() - start) * 1e-3)
-        report(f"{name}, in a tick", durations, "us", "+4 us at most together")
+        report(f"{name}, in a tick", durations, "us", "+4 us at most for the cells")
 
 
 def ticks(times: int) -> None:
-    """Print the duration of a tick without and with ring and cells. Two loops run in turns."""
+    """Print the duration of a tick without and with a page. Two loops run in turns."""
     durations: tuple[list[float], list[float]] = ([], [])
     for seed in range(times):
         loops = [make_loop(seed, paged) for paged in (False, True)]
-        for _ in range(2000):
+        for _ in range(TICKS):
             for loop, found in zip(loops, durations, strict=True):
                 start = time.perf_counter_ns()
                 loop.step()
                 found.append((time.perf_counter_ns() - start) * 1e-3)
     one, two = (float(np.median(found)) for found in durations)
     print(
-        f"a tick, alternating: {one:.1f} us without, {two:.1f} us with ring and cells: "
+        f"a tick, alternating: {one:.1f} us without, {two:.1f} us with the cells of a page: "
         f"{two - one:+.1f} us, aim +4 us at most",
         flush=True,
     )
 
 
 def make_loop(seed: int, paged: bool) -> Loop:
-    """Return a loop in virtual time that stores its ticks in memory, with or without a page."""
+    """Return a loop in virtual time without readers, with or without a page."""
     settings = TrialSettings(clock="virtual", seed=seed)
-    clock, bank = make_clock(settings), settings.estimation_preset.bank()
-    layout, switch = Layout(bank), StopSwitch()
-    sinks: list[Sink] = [Memory()]
+    clock, switch = make_clock(settings), StopSwitch()
+    layout = make_layout(settings, settings.estimation_preset.bank())
     if paged:
-        cells = mmap.mmap(-1, SIZE)
-        switch.page = PageRequests(CellReader(cells), by_page=False)
-        sinks.append(RingSink(layout.size))
+        switch.page = PageRequests(CellReader(mmap.mmap(-1, SIZE)), by_page=False)
     rig = make_simulated_rig(settings, clock.now)
     rig.open()
-    controller = make_controller(settings, rig, bank, clock)
-    return Loop(controller, clock, layout, sinks, switch, settings.duration)
-
-
-class RingSink(Memory):
-    """Writes the ticks to a ring, as `LiveLink` does."""
-
-    def __init__(self, size: int) -> None:
-        super().__init__()
-        self._ring = RingWriter(mmap.mmap(-1, ring_size(SLOTS, size)), SLOTS, size)
-
-    def push(self, message: bytes) -> None:
-        self._ring.write(message)
+    controller = make_controller(settings, rig, clock)
+    stream = Stream(layout, TICKS)
+    return Loop(controller, clock, stream, Readers(), switch, settings.duration)

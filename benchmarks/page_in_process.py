@@ -2,9 +2,9 @@
 
 `InProcess` is the `LiveLink` of the package, without its process and its sockets. The messages of
 the page take the same way as in the live process: the parser, the server with the control of the
-pages, the feed, and the cells, which `PageRequests` reads in the loop. The memory of the cells and
-rings is private: a process that forks gets its own copy. The connection delays every message by the
-same time, and keeps their order.
+pages, the feed, and the cells, which `PageRequests` reads in the loop. The memory of the cells is
+private: a process that forks gets its own copy. The stream must be a `private_stream`. The
+connection delays every message by the same time, and keeps their order.
 """
 
 from __future__ import annotations
@@ -20,17 +20,17 @@ from unittest import mock
 
 from sim_backend import PointerOperator
 from teleop.json_documents import dumps, loads
+from teleop.live import trial_feed
 from teleop.live.cells import ARM, SEEN, CellWriter
 from teleop.live.clients import Client, Control
 from teleop.live.limited_connection import MOST_FRAMES
 from teleop.live.requests import BadRequest, parse_request
-from teleop.streams.ring import SLOTS, RingReader
 from teleop.live.server import PERIOD, Server
 from teleop.live.trial_feed import TrialFeed
-from teleop.streams.columns import Layout
 from teleop.settings.trial_settings import TrialSettings
+from teleop.streams.stream import Stream, StreamReader
 from teleop.trial import live_link
-from teleop.trial.live_link import EVENT_SIZE, EVENT_SLOTS, LiveLink
+from teleop.trial.live_link import LiveLink
 from teleop.trial.page_requests import PAGE_AGE, PagePointer, PageRequests
 
 BEAT = 0.05
@@ -102,8 +102,6 @@ class InProcess(LiveLink):
 
     Parameters
     ----------
-    layout
-        Layout of the message of a tick.
     by_page, pointer
         As for `LiveLink`.
     now
@@ -124,15 +122,13 @@ class InProcess(LiveLink):
         STARTs. It is at most the round trip of the connection.
     """
 
-    def __init__(
-        self, layout: Layout, by_page: bool, pointer: bool, now: Callable[[], float]
-    ) -> None:
+    def __init__(self, by_page: bool, pointer: bool, now: Callable[[], float]) -> None:
         choices: dict[str, list[Any]] = {"condition": [], "specimen": [], "duration": []}
         with (
             mock.patch.object(live_link, "SharedFile", PrivateFile),
             mock.patch.object(live_link, "ChildProcess", NoProcess),
         ):
-            super().__init__(layout.size, "", 0, by_page, pointer, choices)
+            super().__init__("", 0, by_page, pointer, choices)
         self._now = now
         process: Any = self._page
         self._told: deque[dict[str, Any]] = process.told
@@ -140,14 +136,9 @@ class InProcess(LiveLink):
         welcome = {"may_arm": by_page, "pointer": pointer, "choices": choices}
         self.counts: Any = self._cells.counts
         self.cells = CellWriter(self.counts.obj)
-        self._feed = TrialFeed(
-            RingReader(self._ring._buffer, SLOTS, layout.size),
-            RingReader(self._events._buffer, EVENT_SLOTS, EVENT_SIZE),
-            self.cells,
-            welcome,
-            lambda request: None,
-            lambda recording: {},
-        )
+        self._streams: list[Stream | None] = []
+        """Stream of each trial so far; None after its end."""
+        self._feed = TrialFeed(self.cells, welcome, lambda request: None, lambda recording: {})
         self._server = Server(self._feed, "", {})
         self._server.control = Control(now)
         self._due = self._beat_due = -math.inf
@@ -162,15 +153,28 @@ class InProcess(LiveLink):
     def make_operator(self) -> PointerOperator | None:
         return PointerOperator(PagePointer(self._cells, self._now)) if self._has_pointer else None
 
-    def begin(self, settings: TrialSettings, layout: Layout) -> PageRequests:
-        super().begin(settings, layout)
+    def begin(self, settings: TrialSettings, stream: Stream) -> PageRequests:
+        super().begin(settings, stream)
+        self._told[-1]["stream"] = len(self._streams)
+        self._streams.append(stream)
         return PageRequests(self._cells, self.by_page, self._stops, self._now)
+
+    def end_trial(self) -> None:
+        self._streams[-1] = None
+        super().end_trial()
+
+    def _opened(self, number: int, name: str) -> StreamReader:
+        """Return a reader of the stream of a trial, as `StreamReader.open` does."""
+        if stream := self._streams[number]:
+            return stream.reader()
+        raise FileNotFoundError
 
     def advance(self) -> None:
         """Run the live process and the page until the present time."""
         now = self._now()
         while self.runs and self._told:
-            self._feed.receive(self._told.popleft())
+            with mock.patch.object(trial_feed.StreamReader, "open", self._opened):
+                self._feed.receive(self._told.popleft())
         while self.runs and self._sent and now >= self._sent[0][0] + self.delay:
             self._deliver(*self._sent.popleft()[1:])
         if self.runs and now >= self._due:

@@ -14,7 +14,6 @@ import subprocess
 import sys
 from typing import Any
 
-from teleop.streams.columns import Layout
 from teleop.trial.live_link import LiveLink
 from teleop.trial.page_requests import PAGE_AGE
 
@@ -28,9 +27,9 @@ class PageProcess(LiveLink):
     The methods are those of `InProcess`.
     """
 
-    def __init__(self, layout: Layout, by_page: bool, pointer: bool = False) -> None:
+    def __init__(self, by_page: bool, pointer: bool = False) -> None:
         choices: dict[str, list[Any]] = {"condition": [], "specimen": [], "duration": []}
-        super().__init__(layout.size, "127.0.0.1", 0, by_page, pointer, choices)
+        super().__init__("127.0.0.1", 0, by_page, pointer, choices)
         self._client = subprocess.Popen(
             [sys.executable, __file__, self.url], stdin=subprocess.PIPE, text=True
         )

@@ -3,8 +3,8 @@
     python benchmarks/safety_search.py --trials 20000
 
 Hypothesis runs a controller on the simulated rig with one or more faults at random ticks: wrong
-measurements, calls of the rig that fail before or after their effect, exceptions in the condition
-and in an estimator, a rig whose time stands still or jumps, skipped periods of the loop, and
+measurements, calls of the rig that fail before or after their effect, exceptions in the condition,
+a rig whose time stands still or jumps, skipped periods of the loop, and
 requests in every mode. Each trial has drives that accept velocities, forces or positions, a law of
 force feedback, a channel between master and slave,
 and a live page that can arm the drives, that only watches, or none. Page, live process and channel
@@ -26,6 +26,7 @@ from datetime import date
 from functools import cache
 from typing import Any, ClassVar
 
+import numpy as np
 from hypothesis import HealthCheck, Phase, settings
 from hypothesis import seed as seeded
 from hypothesis import strategies as st
@@ -37,10 +38,11 @@ from hypothesis.stateful import (
     run_state_machine_as_test,
 )
 from page_in_process import InProcess
+from private_stream import private_stream
 from search_rig import BOUND, LIMITS, PERIOD, Pushing, SearchRig
 
 from drivers import CHANNELS, STANDSTILL, RigError
-from estimation import MatchedFilter, paper_preset
+from estimation import paper_preset
 from sim_backend import ForceMaster, ForceSlave
 from sim_backend.faults import Frozen, Replaced, Reported, RigFault, Runaway, Shifted
 from teleop.control.bilateral import BilateralLink
@@ -71,6 +73,8 @@ CHANNELS_BETWEEN = (
 )
 PAGES = ("none", "watches", "arms")
 """What the live page may do: there is none, it watches and stops, or it also arms the drives."""
+STORED = 500
+"""Number of ticks in the stream."""
 DEPTHS = (0.0, 2e-3, 0.012, -0.05, 0.1, 1e6, -1e300, 9e15, math.nan, math.inf)
 """Positions of the pointer [m]."""
 MESSAGES = (
@@ -124,13 +128,14 @@ class SafetySearch(RuleBasedStateMachine):
         latency: int,
     ) -> None:
         self.n = 0
-        self.bank = paper_preset("soft").bank()
         self.settings = settings_of(law, channel)
-        self.layout = make_layout(self.settings, self.bank)
+        self.layout = make_layout(self.settings, paper_preset("soft").bank())
+        self.unknown = np.full((1, len(self.layout.schema.estimation)), np.nan)
+        """Estimates of a tick: there is no estimation."""
         self.page: InProcess | None = None
         self.by_page = may == "arms"
         if may != "none":
-            self.page = InProcess(self.layout, self.by_page, pointer, self.now)
+            self.page = InProcess(self.by_page, pointer, self.now)
         operator = self.page.make_operator() if self.page else None
         master = ForceMaster(max_force=200.0, latency=latency) if axes[0] == "force" else None
         slave = ForceSlave(latency=latency) if axes[1] == "force" else axes[1]
@@ -142,7 +147,6 @@ class SafetySearch(RuleBasedStateMachine):
             self.rig,
             self.condition,
             self.link,
-            Estimation(MatchedFilter(), self.bank),
             PERIOD,
             LIMITS,
         )
@@ -178,7 +182,9 @@ class SafetySearch(RuleBasedStateMachine):
             if not self.by_page:
                 at_begin[STOP] = self.page._stops  # a STOP between two trials stops the next one
             self.at_begin = at_begin
-            self.switch.page = self.page.begin(self.settings, self.layout)
+            self.stream = private_stream(self.layout, STORED, self.now)
+            self.estimates = self.stream.reader().estimates_writer()
+            self.switch.page = self.page.begin(self.settings, self.stream)
             self.beats = self.page.counts[PROCESS]
             self.heard = self.now()
 
@@ -221,7 +227,6 @@ class SafetySearch(RuleBasedStateMachine):
         self.rig.failing.clear()
         self.rig.standing = False
         self.condition.error = None
-        self.bank.__dict__.pop("update", None)
         self.halt, self.faults = False, ()
         self.switch.count, self.switch.reason, self.switch.key.pressed = 0, "", False
         self.interrupt(False, False)
@@ -256,14 +261,6 @@ class SafetySearch(RuleBasedStateMachine):
     def condition_does(self, force: float, fails: bool) -> None:
         self.condition.force = force
         self.condition.error = ZeroDivisionError("condition") if fails else None
-        self.tick(1)
-
-    @rule()
-    def estimator_fails(self) -> None:
-        def update(*arguments: Any) -> Any:
-            raise ZeroDivisionError("estimator")
-
-        self.bank.update = update  # type: ignore[method-assign]
         self.tick(1)
 
     @rule(
@@ -357,7 +354,7 @@ class SafetySearch(RuleBasedStateMachine):
             self.page.suspend()
             self.wait(hung)
         if not trial:
-            self.page.close()
+            self.page.end_trial()
         for cell in cells:
             self.page.cells.count(cell)
         if not trial and self.controller.mode in (Mode.IDLE, Mode.READY):
@@ -433,7 +430,7 @@ class SafetySearch(RuleBasedStateMachine):
         self.controller.rearm()
         self.tripped = math.inf
         if self.page:
-            self.page.close()
+            self.page.end_trial()
         self.begin()
         self.tick(1)
 
@@ -470,9 +467,10 @@ class SafetySearch(RuleBasedStateMachine):
                 continue  # the very first reading may fail: nothing was enabled
             self.skipped = 0
             if self.page:
-                self.page.push(self.layout.pack(record, 0))
+                self.stream.write(record)
+                self.estimates.write(self.unknown)
                 for event in record.events:
-                    self.page.event(event)
+                    self.stream.event(event)
             self.check(record, before)
             self.count["ticks"] += 1
             self.count["active"] += record.mode is Mode.ACTIVE

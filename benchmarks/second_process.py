@@ -79,7 +79,7 @@ def second_arguments(kind: str, folder: Path, rig: Path | None, other: Path) -> 
         "nothing, wired": [],
         "run": ["run", "--no-record", "--duration", "1"],
         "refused run": ["run", "--no-record", "--rig", rig, *STATED],
-        "rig check": ["rig", "check", other, "--seconds", "1"],
+        "rig check": ["rig", "check", other, "--seconds", "1", "--duration", "1"],
         "rig emulate": ["rig", "emulate", RIGS / "odrive-bota.toml", "--out", folder / "e.toml"],
         "estimate": ["estimate", folder.parents[1] / "data.mcap", "--estimators", "all"],
         "reproduce": ["reproduce", "--out", folder / "reproduction"],

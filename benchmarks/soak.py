@@ -5,11 +5,11 @@
     python benchmarks/soak.py --minutes 30 --live         # with pages that come and go
 
 `teleop run` runs in real time and records, while another process keeps the other processor busy.
-The memory and the open descriptors of each of its processes (loop, recorder, live process) are
-measured every second. Their growth is the median memory in the last tenth of the run, minus the
-median memory in a tenth of the run that begins after the first minute, or the first fifth of the
-run. The peak is the largest value after this time, minus the same median. With `--live`, eight
-pages are opened and closed at random.
+The memory and the open descriptors of each of its processes (loop, recorder, estimation, live
+process) are measured every second. Their growth is the median memory in the last tenth of the run,
+minus the median memory in a tenth of the run that begins after the first minute, or the first fifth
+of the run. The peak is the largest value after this time, minus the same median. With `--live`,
+eight pages are opened and closed at random.
 """
 
 from __future__ import annotations
@@ -31,10 +31,9 @@ from typing import Any, NamedTuple
 
 from live_session import Session, now, session
 from loop import busy, histogram
+from watched_trial import readers_of
 from websockets.exceptions import ConnectionClosed, InvalidHandshake
 
-PROCESSES = {b"teleop.recording.process": "recorder", b"teleop.live.process": "live"}
-"""Name of each child process of `teleop run`, by a part of its command line."""
 PAGES = 8
 WARM = 60.0
 """Longest time before the growth is measured [s]."""
@@ -58,22 +57,13 @@ def usage(pid: int, time: float) -> Usage:
     return Usage(time, memory, sum(1 for _ in (process / "fd").iterdir()))
 
 
-def processes(pid: int) -> dict[str, int]:
-    """Return the identifiers of the processes of a run, by name."""
-    found = {"loop": pid}
-    for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split():
-        command = Path(f"/proc/{child}/cmdline").read_bytes()
-        found |= {name: int(child) for part, name in PROCESSES.items() if part in command}
-    return found
-
-
 async def measure(process: subprocess.Popen[str], seconds: float) -> dict[str, list[Usage]]:
     """Return the usage of each process of a run, until shortly before its end."""
     found: dict[str, list[Usage]] = {}
     start = time.monotonic()
     while (elapsed := time.monotonic() - start) < seconds - 2.0 and process.poll() is None:
         with contextlib.suppress(OSError):  # a process ended
-            for name, pid in processes(process.pid).items():
+            for name, pid in {"loop": process.pid, **readers_of(process.pid)}.items():
                 found.setdefault(name, []).append(usage(pid, elapsed))
         await asyncio.sleep(1.0)
     return found
@@ -139,7 +129,7 @@ def report(out: str, found: dict[str, list[Usage]], seconds: float) -> None:
         peak = max(value.memory for value in after) - first
         most = max(value.descriptors for value in after)
         print(
-            f"  {name:9} {first:6.1f} MB, growth {last - first:+.2f} MB after {warm:.0f} s, peak "
+            f"  {name:10} {first:6.1f} MB, growth {last - first:+.2f} MB after {warm:.0f} s, peak "
             f"{peak:+.2f} MB; descriptors {after[0].descriptors}, at most {most}, at the end "
             f"{after[-1].descriptors}"
         )

@@ -3,13 +3,14 @@
 Trials run in virtual time with the ticks stored in memory, live on the simulated rig with the
 recorder, and live on an emulated serial board with the recorder. Each is run twice: first only the
 whole tick is measured, and then its stages. `--against` is the folder with the source of another
-version, which is measured in the same run, in turn with this version. The rehearsal before a trial
-is left out, because it ends the trial if other programs keep the machine busy. The condition is
-free on the simulated rig, and autonomous on the board.
+version, which is measured in the same run, in turn with this version, by its own copy of this
+program. The rehearsal before a trial is left out, because it ends the trial if other programs keep
+the machine busy. The condition is free on the simulated rig, and autonomous on the board.
 
-In virtual time, the estimates are computed for many ticks at once, so that they are not part of the
-percentiles. For this reason, the processor time of all ticks, divided by their number, is printed
-too. It is the smallest of several trials in processes that have run a trial before.
+The readers are the recorder and the estimation. Live, they are other processes. In virtual time,
+they read many ticks at once, so that they are not part of the percentiles. For this reason, the
+processor time of all ticks, divided by their number, is printed too. It is the smallest of several
+trials in processes that have run a trial before.
 """
 
 from __future__ import annotations
@@ -50,9 +51,8 @@ STAGES = (
     "supervision",
     "command the drives",
     "alignment",
-    "estimation",
-    "packing",
-    "sinks",
+    "write to the stream",
+    "readers",
 )
 RETURN = 2.0
 """Time after a trial in which the emulated rig returns to its initial position [s]."""
@@ -99,12 +99,8 @@ class Probes:
         self._probe(controller_module, "supervise", "supervision")
         self._probe(parts._rig, "write", "command the drives")
         self._probe(parts._alignment, "update", "alignment")
-        for name in ("_estimation", "_conditioner", "_bank", "_misfit", "_expected"):
-            if hasattr(parts, name):
-                self._probe(getattr(parts, name), "update", "estimation")
-        self._probe(loop._layout, "pack", "packing")
-        for sink in loop._sinks:
-            self._probe(sink, "push", "sinks")
+        self._probe(loop._stream, "write", "write to the stream")
+        self._probe(loop._readers, "after_tick", "readers")
 
     def _probe(self, owner: Any, name: str, stage: str) -> None:
         """Replace a function of an object or a module by a function that measures its duration."""
@@ -140,7 +136,7 @@ def measure(case: str, seconds: float, rig: str) -> Durations:
     found: list[Probes] = []
     mean: list[float] = []
     run = Loop.run
-    run_module.check_rate = lambda settings: 0.0
+    run_module.check_rate = lambda settings, real: None
     run_module.check_wire = lambda rig, clock, cost: None
     settings = TrialSettings(
         condition="autonomous" if rig else "free",
@@ -161,8 +157,8 @@ def measure(case: str, seconds: float, rig: str) -> Durations:
                 found.append(Probes(loop, stages))
                 start = process_time()
                 run(loop)
-                if not stages:
-                    loop._sinks[0].close()
+                if case == "virtual" and not stages:
+                    loop._readers.close()
                     mean.append((process_time() - start) / loop.ticks)
 
             Loop.run = probed_run  # type: ignore[method-assign]
@@ -179,9 +175,11 @@ def measure(case: str, seconds: float, rig: str) -> Durations:
 def in_process(tree: Path | None, case: str, seconds: float, rig: Path | None) -> Durations:
     """Measure a version in another process, and return the durations; empty if no attempt works."""
     environment = dict(os.environ, OPENBLAS_NUM_THREADS="1")
+    program = Path(__file__)
     if tree:
         environment["PYTHONPATH"] = str(tree)
-    command = [sys.executable, __file__, "--case", case, "--seconds", str(seconds)]
+        program = tree / "benchmarks" / program.name
+    command = [sys.executable, str(program), "--case", case, "--seconds", str(seconds)]
     command += ["--rig", str(rig or "")]
     for _ in range(ATTEMPTS):
         done = subprocess.run(command, env=environment, cwd=tree, stdout=subprocess.PIPE)
@@ -195,7 +193,9 @@ def table(title: str, of_cases: dict[str, Durations]) -> None:
     """Print the percentiles of each stage in each case."""
     print(f"\n{title}, p50 and p99 [us]")
     print(f"{'':24}" + "".join(f"{case:>18}" for case in of_cases))
-    for stage in (*STAGES, REST, WHOLE):
+    found = dict.fromkeys(stage for durations in of_cases.values() for stage in durations)
+    others = [stage for stage in found if stage not in (*STAGES, REST, WHOLE, MEAN)]
+    for stage in (*STAGES, *others, REST, WHOLE):
         cells = ""
         for durations in of_cases.values():
             middle, high = np.percentile(durations.get(stage, [np.nan]), (50, 99)) * 1e6

@@ -6,8 +6,9 @@ sphinx-build -W --keep-going docs docs/_build
 import os
 import sys
 import warnings
-from importlib.metadata import version as installed
 from pathlib import Path
+
+from telepalpation import __version__
 
 HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE / "_ext"))
@@ -18,7 +19,7 @@ warnings.filterwarnings("ignore", message=".*is multi-threaded, use of fork", ap
 project = "teleop"
 author = "the contributors of teleop"
 copyright = author  # noqa: A001
-release = version = installed("teleop")
+release = version = __version__
 
 extensions = [
     "blocks",

@@ -27,7 +27,9 @@ from drivers.device import (
 )
 from drivers.rig import RigError
 from drivers.transports.bus import Bus
-from drivers.transports.can_bus import EXTENDED, CanBus
+from drivers.transports.can_adapter import EXTENDED
+from drivers.transports.can_bus import CanBus
+from drivers.transports.can_frame import CanFrame
 from drivers.transports.datagram_port import DatagramPort
 from drivers.transports.shared_line import SharedLine
 from drivers.transports.stream_port import StreamPort
@@ -448,10 +450,10 @@ class BenchCanBus(CanBus):
             self.received += 1
             receive = self._routes.get(frame.arbitration_id | frame.is_extended_id * EXTENDED)
             if receive:
-                receive(frame, self.now())
+                receive(CanFrame.of(frame), self.now())
 
-    def _put(self, frame: can.Message) -> None:
+    def _put(self, frame: CanFrame) -> None:
         try:
-            self._bench.put(frame)
+            self._bench.put(frame.message())
         except OSError as error:
             raise self._gone(error) from error

@@ -11,9 +11,8 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 from pydantic import BaseModel, ConfigDict
 
 if TYPE_CHECKING:
-    import can
-
     from drivers.transports.can_bus import CanBus
+    from drivers.transports.can_frame import CanFrame
     from drivers.transports.datagram_port import DatagramPort
     from drivers.transports.shared_line import SharedLine
     from drivers.transports.stream_port import StreamPort
@@ -311,6 +310,20 @@ class Device(ABC):
         """Return whether the answer to the last `ping` has been received."""
         return False
 
+    def about(self) -> Mapping[str, str]:
+        """Return what the device has stated about itself, such as its version, by name.
+
+        It is part of a report (`teleop rig report`). This method is called once, after the device
+        was set up and while its drives are out of operation. It may wait. The default method
+        returns nothing.
+
+        Raises
+        ------
+        RigError
+            The device does not answer.
+        """
+        return {}
+
     def stop(self) -> None:  # noqa: B027
         """End the communication with the device, before its port or bus is closed.
 
@@ -459,7 +472,7 @@ class CanDevice(Device):
         """
 
     @abstractmethod
-    def receive(self, frame: can.Message, time: float) -> None:
+    def receive(self, frame: CanFrame, time: float) -> None:
         """Process a CAN frame that the device has sent.
 
         Malformed frames are counted in `rejected`.

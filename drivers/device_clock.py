@@ -45,7 +45,7 @@ class DeviceClock:
         self._certain = False
         self._seen = math.nan
 
-    def observe(self, newest: int, now: float) -> None:
+    def observe(self, newest: int, now: float) -> float:
         """Update the estimated offset between the two clocks, after the serial port was read.
 
         Parameters
@@ -55,6 +55,11 @@ class DeviceClock:
         now
             Mean of two times on the controller's clock [s]: when the port was read now, and when
             the port was read the previous time.
+
+        Returns
+        -------
+        float
+            Newest time stamp on the controller's clock [s].
         """
         stamp = self._continued(newest)
         before = stamp if self._newest is None else self._newest
@@ -65,6 +70,7 @@ class DeviceClock:
         self._newest = stamp
         self._offset = offset
         self._seen = now
+        return stamp * MICROSECOND + offset
 
     def time(self, stamp: int) -> float:
         """Convert a time stamp of the device [us] to the controller's clock [s].

@@ -30,7 +30,7 @@ from drivers.device import (
     SharedSerialDevice,
     sole_drive,
 )
-from drivers.transports.can_bus import EXTENDED
+from drivers.transports.can_adapter import EXTENDED
 
 PAGE = "docs/writing-a-driver.md"
 

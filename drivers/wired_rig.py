@@ -28,6 +28,7 @@ from drivers.rig import (
     NotStoppedError,
     Rig,
     RigError,
+    new_tuple,
 )
 from drivers.rig_file import RigFile
 from drivers.rig_sections import CanSettings, DriveSettings, TcpSettings, UdpSettings
@@ -92,6 +93,11 @@ class WiredRig(Rig):
             stream = self.buses[name]
             assert isinstance(stream, StreamPort)
             self.buses[name] = SharedLine(stream)
+        self._transmitting = [
+            (bus, [device for device in self.devices.values() if self._bus_of(device) is bus])
+            for bus in self.buses.values()
+        ]
+        self._without_bus = [d for d in self.devices.values() if not self._bus_of(d)]
         self._now = now
         self._channels = {
             name: Channel(
@@ -243,9 +249,10 @@ class WiredRig(Rig):
                 values.append(math.nan)
                 ages.append(0.0)
             else:
-                value, time = channel.device.samples[channel.signal]
-                values.append(channel.gain * value + channel.offset)
-                ages.append(now - time + channel.lag)
+                device, signal, gain, offset, lag = channel
+                value, time = device.samples[signal]
+                values.append(gain * value + offset)
+                ages.append(now - time + lag)
         error, stop = "", False
         for name, axis, index in self._coupled:
             source = self._sources[index]
@@ -260,7 +267,7 @@ class WiredRig(Rig):
             if device.error:
                 error = error or f"{device.name}: {device.error}"
             stop = stop or device.emergency_stop
-        return Measurement._make((now, *values, Ages._make(ages), error, stop))
+        return new_tuple(Measurement, (now, *values, new_tuple(Ages, ages), error, stop))
 
     def rearm(self) -> None:
         """Clear the latched errors of all devices (errors that are reported until cleared)."""
@@ -298,9 +305,11 @@ class WiredRig(Rig):
         for _, place, axis, most in self._drives:
             v = min(max(command[place], -most), most)
             applied[place] = axis.command(v, now)
-        for device in self.devices.values():
+        for bus, devices in self._transmitting:
+            bus.transmit(devices)
+        for device in self._without_bus:
             device.transmit()
-        return Command(*applied)
+        return new_tuple(Command, applied)
 
     def idle(self) -> bool:
         """Take every drive out of operation; return whether every drive has confirmed it.

@@ -17,6 +17,7 @@ import hashlib
 import inspect
 import sys
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import fields, is_dataclass
 from functools import cache, partial
 from importlib.util import find_spec
@@ -85,6 +86,12 @@ class CompilationChoice:
 
 choice = CompilationChoice()
 """The `CompilationChoice` of this process. All arrays of samples share it."""
+
+
+def load_compiler() -> None:
+    """Load numba, if it is installed, so that arrays are processed by compiled code from now on."""
+    with suppress(ImportError):
+        import numba  # noqa: F401
 
 
 def sweep(law: Law, state: State, samples: Samples) -> Floats:

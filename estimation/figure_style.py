@@ -9,7 +9,12 @@ from io import BytesIO
 from itertools import pairwise
 from typing import Any, Literal
 
-import matplotlib as mpl
+from telepalpation import needs
+
+try:
+    import matplotlib as mpl
+except ModuleNotFoundError as error:
+    raise ModuleNotFoundError(needs("a figure", "matplotlib", "plot"), name=error.name) from error
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backend_bases import RendererBase

@@ -16,6 +16,7 @@ from estimation.conditioning import Regression
 from estimation.estimate_columns import estimate_arrays, estimate_columns
 from estimation.estimator import LEVEL_95, Estimates
 from estimation.quantities import DAMPING, STIFFNESS, Quantity
+from telepalpation import needs
 
 if TYPE_CHECKING:
     import pandas
@@ -122,7 +123,10 @@ class Presented:
         ImportError
             pandas is not installed.
         """
-        import pandas
+        try:
+            import pandas
+        except ImportError as error:
+            raise ImportError(needs("a data frame", "pandas", "notebook")) from error
 
         x, v, f, *_ = self.regression
         columns: dict[str, ArrayLike] = {"x": x, "v": v, "f": f}

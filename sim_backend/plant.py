@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from drivers import Command
-from sim_backend.body import Body, Law
+from sim_backend.body import Body
 from sim_backend.force_master import ForceMaster, FreeHandle
 from sim_backend.transmission import RIGID, Transmission
 
@@ -94,6 +94,8 @@ class Slave:
     """
 
     def __init__(self, body: Body, parameters: PlantParameters) -> None:
+        self._transmission = parameters.transmission
+        self._played = 0.0
         self.palpate(body)
         self.x = self.v = 0.0
         self.command = 0.0
@@ -101,8 +103,6 @@ class Slave:
         self.push: float | None = None
         """Force of the motor [N] in place of that of the velocity servo; None for the servo."""
         self._error = 0.0
-        self._transmission = parameters.transmission
-        self._played = 0.0
         self._mass = parameters.slave_mass
         self._proportional = 2.0 * math.pi * parameters.slave_bandwidth
         self._integral = self._proportional * 2.0 * math.pi * parameters.slave_integral
@@ -110,18 +110,14 @@ class Slave:
     def palpate(self, body: Body) -> None:
         """Replace the palpated body by `body`, in the state before its first contact."""
         self._body, self._state = body, body.initial
-
-    @property
-    def law(self) -> Law:
+        self.law = body.law(body.initial)
         """Present contact force of the body, as a function of displacement and velocity."""
-        return self._body.law(self._state)
+        self._tip = self.law.compressed(self._played, self._transmission.compliance)
 
     @property
     def force(self) -> float:
         """Force of the body on the tip [N]."""
-        transmission = self._transmission
-        played = transmission.play(self._played, self.x)
-        return transmission.tip_force(self.law, played, self.x, self.v)
+        return self._transmission.tip_force(self.law, self._played, self._tip, self.x, self.v)
 
     def load(self, x: float, v: float) -> float:
         """Return the load on the motor [N] at the motor position x [m] and velocity v [m/s].
@@ -129,7 +125,7 @@ class Slave:
         The load is the force of the body on the tip plus the friction at the tip. The motor is
         assumed to move from its present position to x without a reversal of direction.
         """
-        return self._transmission.load(self.law, self._played, x, v)
+        return self._transmission.load(self.law, self._played, self._tip, x, v)
 
     @property
     def motor_force(self) -> float:
@@ -147,6 +143,7 @@ class Slave:
         """
         self.x, self.v = x, v
         self._played = self._transmission.play(self._played, x)
+        self._tip = self.law.compressed(self._played, self._transmission.compliance)
 
     def advance(self, u: float, h: float) -> None:
         """Advance the motion of the slave by one Runge-Kutta step of the length `h` [s].
@@ -154,25 +151,27 @@ class Slave:
         `u` is the velocity command [m/s], which is constant during the step.
         """
         self.command = u
-        x, v1, error, played = self.x, self.v, self._error, self._played
-        proportional, integral, mass = self._proportional, self._integral, self._mass
+        x, v1, error, played, tip = self.x, self.v, self._error, self._played, self._tip
+        gain, integral, mass = self._proportional, self._integral, self._mass
         push = 0.0
         if self.push is not None:
-            proportional = integral = error = self._error = 0.0
+            gain = integral = error = self._error = 0.0
             push = self.push / mass
         law, load, half = self.law, self._transmission.load, 0.5 * h
-        a1 = proportional * (u - v1) + integral * error - load(law, played, x, v1) / mass + push
+        a1 = gain * (u - v1) + integral * error - load(law, played, tip, x, v1) / mass + push
         x2, v2, e2 = x + half * v1, v1 + half * a1, error + half * (u - v1)
-        a2 = proportional * (u - v2) + integral * e2 - load(law, played, x2, v2) / mass + push
+        a2 = gain * (u - v2) + integral * e2 - load(law, played, tip, x2, v2) / mass + push
         x3, v3, e3 = x + half * v2, v1 + half * a2, error + half * (u - v2)
-        a3 = proportional * (u - v3) + integral * e3 - load(law, played, x3, v3) / mass + push
+        a3 = gain * (u - v3) + integral * e3 - load(law, played, tip, x3, v3) / mass + push
         x4, v4, e4 = x + h * v3, v1 + h * a3, error + h * (u - v3)
-        a4 = proportional * (u - v4) + integral * e4 - load(law, played, x4, v4) / mass + push
+        a4 = gain * (u - v4) + integral * e4 - load(law, played, tip, x4, v4) / mass + push
         travel = h / 6.0 * (v1 + 2.0 * (v2 + v3) + v4)
         self.move_to(x + travel, v1 + h / 6.0 * (a1 + 2.0 * (a2 + a3) + a4))
         self._error = error + u * h - travel if self.push is None else 0.0
-        tip = law.compressed(self._played, self._transmission.compliance)
-        self._state = self._body.advanced(self._state, law.surface(tip), h)
+        self._state = self._body.advanced(self._state, law.surface(self._tip), h)
+        self.law = self._body.law(self._state)
+        if self.law is not law:  # a body that depends on the past pushes the tip
+            self._tip = self.law.compressed(self._played, self._transmission.compliance)
 
 
 class ForceChannel:

@@ -74,21 +74,24 @@ class Transmission:
         low, high = x - self.lost_motion, x + self.lost_motion
         return low if p < low else high if p > high else p
 
-    def load(self, law: Law, played: float, x: float, v: float) -> float:
+    def load(self, law: Law, played: float, tip: float, x: float, v: float) -> float:
         """Return the load [N] on the motor at position x [m] and velocity v [m/s].
 
         The load is the force of the body (the specimen) on the tip plus the friction at the tip.
+        Before the motion to x, the output of the play operator is `played`, and the tip is at the
+        position `tip` [m].
         """
         compliance = self.compliance
         if compliance == 0.0:
             return law.force(x, v)
-        played = self.play(played, x)
-        return self.tip_force(law, played, x, v) + (x - played) / compliance
+        before, played = played, self.play(played, x)
+        if played != before:
+            tip = law.compressed(played, compliance)
+        return self.tip_force(law, played, tip, x, v) + (x - played) / compliance
 
-    def tip_force(self, law: Law, played: float, x: float, v: float) -> float:
-        """Return the force of the body (the specimen) on the tip [N]."""
+    def tip_force(self, law: Law, played: float, tip: float, x: float, v: float) -> float:
+        """Return the force of the body (the specimen) on the tip [N]. `tip` is its position."""
         compliance, lost = self.compliance, self.lost_motion
-        tip = law.compressed(played, compliance)
         slips = played <= x - lost if v > 0.0 else played >= x + lost
         speed = v / (1.0 + compliance * law.stiffness(tip)) if slips else 0.0
         return law.force(tip, speed)

@@ -8,6 +8,8 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from telepalpation import check_packages
+
 if TYPE_CHECKING:
     from teleop.control.conditions import Condition as Condition
     from teleop.errors import InputError as InputError
@@ -27,6 +29,8 @@ NAMES = {
     "run_trial": "teleop.trial.run",
 }
 """Module of each name."""
+
+check_packages()
 
 
 def __getattr__(name: str) -> Any:

@@ -21,6 +21,7 @@ from teleop.commands.export import export
 from teleop.commands.lag import lag
 from teleop.commands.list_installed import list_installed
 from teleop.commands.live import live
+from teleop.commands.machine import machine
 from teleop.commands.merge import merge
 from teleop.commands.recover import recover
 from teleop.commands.report import report
@@ -77,6 +78,7 @@ for command in (
     sweep,
     live,
     rig,
+    machine,
 ):
     app.command(command)
 app.command(list_installed, name="list")

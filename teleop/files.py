@@ -7,11 +7,13 @@ import os
 import secrets
 import shutil
 from collections.abc import Iterator
+from importlib.util import find_spec
 from pathlib import Path
 from typing import BinaryIO
 
 from drivers.input_file import check_regular
 from teleop.errors import InputError, reason
+from telepalpation import needs
 
 PICTURES = (".png", ".svg", ".pdf")
 RECORDING = ".mcap"
@@ -31,6 +33,8 @@ def check_outputs(
     `sources` are files that the command reads. None stands for a file that is not used. Existing
     files are replaced only with `overwrite`, and recordings never.
     """
+    if any(pictures):
+        check_drawing("a figure")
     for picture in pictures:
         if picture and picture.suffix.lower() not in PICTURES:
             raise InputError(f"{picture}: expected a file ending in {', '.join(PICTURES)}")
@@ -51,6 +55,12 @@ def check_outputs(
             part.unlink()
         except OSError as error:
             raise unwritable(path, error) from error
+
+
+def check_drawing(what: str) -> None:
+    """Raise InputError if matplotlib, which draws the figures, is not installed."""
+    if find_spec("matplotlib") is None:
+        raise InputError(needs(what, "matplotlib", "plot"))
 
 
 def check_ending(path: Path, ending: str) -> None:

@@ -5,11 +5,11 @@ from __future__ import annotations
 import json
 from typing import Any
 
-from pydantic_core import from_json, to_jsonable_python
-
 
 def finite(value: Any) -> Any:
     """The value in JSON types, with None for infinite numbers and NaN."""
+    from pydantic_core import to_jsonable_python  # a command that writes no JSON starts sooner
+
     return to_jsonable_python(value, inf_nan_mode="null")
 
 
@@ -28,4 +28,6 @@ def loads(document: str | bytes) -> dict[str, Any]:
 
 def loads_any(document: str | bytes) -> Any:
     """Read a JSON document; ValueError if it is not valid, or is nested too deeply."""
+    from pydantic_core import from_json
+
     return from_json(document, allow_inf_nan=False)

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import subprocess
 from functools import cache
-from importlib.metadata import version
 from pathlib import Path
+
+from telepalpation import __version__
 
 PACKAGE = Path(__file__).parent
 BUILT_FROM = PACKAGE / "commit.txt"
@@ -20,7 +21,7 @@ def software() -> str:
     neither built in a git checkout nor runs in one.
     """
     commit = checkout_commit(PACKAGE.parent) or built_commit()
-    return version("teleop") + (f" (commit {commit})" if commit else "")
+    return __version__ + (f" (commit {commit})" if commit else "")
 
 
 def built_commit() -> str:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import can
 from hypothesis import strategies as st
 
+from drivers.transports.can_frame import CanFrame
+
 
 @st.composite
 def frames(draw):
@@ -21,4 +23,5 @@ def frames(draw):
 
 
 def same(one, other):
+    one, other = (f.message() if isinstance(f, CanFrame) else f for f in (one, other))
     return one.equals(other, timestamp_delta=None)

@@ -36,7 +36,7 @@ PARTS = ("condition", "signal", "link", "rig")
 # They write none, since a process whose disk is full would leave a truncated file. Pytest itself
 # writes that of the test files, which the next run reads.
 if "PYTEST_XDIST_WORKER" not in os.environ:
-    for package in ("estimation", "drivers", "sim_backend", "teleop"):
+    for package in ("estimation", "drivers", "sim_backend", "teleop", "telepalpation"):
         compileall.compile_dir(ROOT / package, quiet=1)
 os.environ["PYTHONDONTWRITEBYTECODE"] = "1"
 sys.dont_write_bytecode = False

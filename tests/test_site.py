@@ -143,7 +143,7 @@ def commands(parent: App, path: tuple[str, ...] = ()) -> dict[tuple[str, ...], s
 
 COMMANDS = commands(app)
 SCRIPTS = "".join(path.read_text(encoding="utf-8") for path in ROOT.glob("benchmarks/*.py"))
-OPTIONS = {"--help", "--install-completion"}.union(
+OPTIONS = {"--help", "--install-completion", "--version"}.union(
     *COMMANDS.values(), re.findall(r'"(--[a-z-]+)"', SCRIPTS)
 )
 """Every option of every command, and of every benchmark."""
@@ -250,7 +250,9 @@ def works(command: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     if "run" in command:
         command = [*command, "--duration", "5" if "mimic" in command else "1", "--yes"]
     elif "check" in command:
-        command = [*command, "--seconds", "0.3", *(["--yes"] if "--move" in command else [])]
+        command = [word for word in command if word not in ("--duration", "5s")]
+        command += ["--seconds", "0.3", "--duration", "0.3"]
+        command += ["--yes"] if "--move" in command else []
     for _ in range(1 + REPEATS):
         code, error = main(command), capsys.readouterr().err
         if not busy_cause(error, on_devices=True):

@@ -79,7 +79,7 @@ def printed(installed, third_party, third_party_rig, tmp_path_factory):
         contextlib.chdir(folder),
     ):
         found = {
-            "check": on_the_rig("rig", "check", rig, "--seconds", 0.3),
+            "check": on_the_rig("rig", "check", rig, "--seconds", 0.3, "--duration", 0.3),
             "tare": on_the_rig("rig", "tare", "--rig", rig),
             "run": on_the_rig("run", "--rig", rig, *RUN.split()),
         }

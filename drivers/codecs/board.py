@@ -14,7 +14,8 @@ from enum import IntEnum
 from typing import NamedTuple
 
 from drivers.framing import cobs
-from drivers.framing.crc import crc16_x25
+from drivers.framing.crc import crc16_x25, ends_with_x25
+from drivers.rig import new_tuple
 
 VERSION, FORCE_VERSION = 1, 2
 """Versions of the protocol: of a board whose axes all accept velocities, and of another one."""
@@ -40,11 +41,13 @@ CHECKSUM = struct.Struct("<H")
 SETTINGS = struct.Struct("<HH")
 AXIS_MASK = struct.Struct("<B")
 COMMANDS = struct.Struct(f"<{AXES}i")
+UNUSED = AXES * (0,)
+"""Values of the axes that a board does not have, in a COMMAND message."""
 STAMP = struct.Struct("<IB")
 IDENTITY_FRAME = struct.Struct("<BHIB2BI4B")
 FORCE_IDENTITY_FRAME = struct.Struct("<BHIB2BI5B")
 CONFIGURED_FRAME = struct.Struct("<BHIHH")
-SAMPLE_FRAME = struct.Struct(f"<BHIBBBHH{FORCES + 2 * AXES + ANALOGUES}i")
+SAMPLE_FRAME = struct.Struct(f"<xHIBBBHH{FORCES + 2 * AXES + ANALOGUES}i")
 
 
 class BoardState(IntEnum):
@@ -151,9 +154,10 @@ def enable(axis: int) -> bytes:
 def command(*values: int) -> bytes:
     """Return the payload of a COMMAND message, which sets the velocities or forces of the axes.
 
-    Each argument is the velocity or force of one axis, in counts of this axis (`to_counts`).
+    Each argument is the velocity or force of one axis, in counts of this axis (`to_counts`). The
+    axes without an argument get the value 0.
     """
-    return COMMANDS.pack(*values)
+    return COMMANDS.pack(*values, *UNUSED[len(values) :])
 
 
 def to_counts(value: float, scale: float) -> int:
@@ -171,10 +175,8 @@ def decode(body: bytes) -> Message | None:
     """
     kind, length = body[0], len(body)
     if kind == SAMPLE and length == SAMPLE_FRAME.size:
-        _, sequence, time, state, axes, inputs, acknowledged, rejected, *counts = (
-            SAMPLE_FRAME.unpack(body)
-        )
-        return Sample(sequence, time, state, axes, inputs, acknowledged, rejected, tuple(counts))
+        values = SAMPLE_FRAME.unpack(body)
+        return new_tuple(Sample, (*values[:7], values[7:]))
     if kind == CONFIGURED and length == CONFIGURED_FRAME.size:
         return Configured(*CONFIGURED_FRAME.unpack(body)[1:])
     if kind == IDENTITY and length >= HEAD.size + STAMP.size:
@@ -202,7 +204,7 @@ class MessageReader:
         for body in self._frames.feed(data):
             if len(body) < HEAD.size + CHECKSUM.size:
                 self.rejected["length"] += 1
-            elif crc16_x25(body[:-2]) != CHECKSUM.unpack_from(body, len(body) - 2)[0]:
+            elif not ends_with_x25(body):
                 self.rejected["checksum"] += 1
             elif message := decode(body[:-2]):
                 messages.append(message)

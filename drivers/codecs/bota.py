@@ -10,13 +10,12 @@ from __future__ import annotations
 import struct
 from typing import NamedTuple
 
-from drivers.framing.crc import crc16_x25
+from drivers.framing.crc import ends_with_x25
 from drivers.framing.fixed_frames import FixedFrameParser
+from drivers.rig import new_tuple
 
 HEADER = b"\xaa"
-FRAME = struct.Struct("<xH6fIfH")
-CHECKED = FRAME.size - 2
-"""Length of a frame without its checksum [bytes]."""
+FRAME = struct.Struct("<xH6fIf2x")
 
 THROTTLED = 1 << 0
 """Status bit. It is set if the sensor skipped a measurement because its serial line is too slow."""
@@ -26,6 +25,7 @@ FAULTS = {
     1 << 3: "raw measurements: strain gauges instead of forces",
 }
 """Status bits that mark the measurements of a frame as invalid, with the reason."""
+INVALID = sum(FAULTS)
 
 RUN = b"R"
 """Command that ends the configuration mode of the sensor. The sensor then starts to send frames."""
@@ -55,6 +55,8 @@ def fault(status: int) -> str:
 
     The text is empty if the measurements are valid.
     """
+    if not status & INVALID:
+        return ""
     return ", ".join(words for bit, words in FAULTS.items() if status & bit)
 
 
@@ -66,5 +68,4 @@ class BotaParser(FixedFrameParser[BotaFrame]):
 
     def decode(self, frame: bytes) -> BotaFrame | None:
         """Return the measurements and the status in a frame; None if its checksum is wrong."""
-        status, *values, crc = FRAME.unpack(frame)
-        return BotaFrame(status, *values) if crc == crc16_x25(frame[1:CHECKED]) else None
+        return new_tuple(BotaFrame, FRAME.unpack(frame)) if ends_with_x25(frame[1:]) else None

@@ -112,6 +112,11 @@ class AtiNetFt(DatagramDevice):
             )
         self.rejected.clear()
 
+    def about(self) -> dict[str, str]:
+        """Return the product, and the scales [counts per N and per N m]."""
+        scales = f"{1.0 / self._scales[0]:g}, {1.0 / self._scales[3]:g}"
+        return {"product": self._product or "not stated", "counts per N and per N m": scales}
+
     def _configuration(self, port: DatagramPort) -> Configuration:
         """Return the configuration of the sensor, after a comparison with the rig file.
 

@@ -15,7 +15,7 @@ from drivers.codecs.board import BoardState, Configured, Identity, Input, Messag
 from drivers.device import Drive, ForceDrive, Sample, SerialDevice, VelocityDrive
 from drivers.device_clock import DeviceClock
 from drivers.devices.board_settings import QUANTITIES, BoardSettings, gains
-from drivers.rig import RigError
+from drivers.rig import RigError, new_tuple
 from drivers.transports.stream_port import StreamPort
 
 PATIENCE = 4.0
@@ -47,7 +47,8 @@ class BoardAxis(Drive):
         """Stop all axes of the board immediately; return whether the board has confirmed it."""
         return self._board.disable()
 
-    def _store(self, value: float) -> float:
+    def command(self, value: float) -> float:
+        """Store a velocity [m/s] or force [N] for `transmit`; return it in whole counts."""
         self.counts = codec.to_counts(value, self._scale)
         return self.counts * self._scale
 
@@ -55,17 +56,9 @@ class BoardAxis(Drive):
 class Axis(BoardAxis, VelocityDrive):
     """An axis of the board that accepts velocities."""
 
-    def command(self, velocity: float) -> float:
-        """Store the velocity [m/s] for `transmit`; return it rounded to the board's resolution."""
-        return self._store(velocity)
-
 
 class ForceAxis(BoardAxis, ForceDrive):
     """An axis of the board that accepts forces."""
-
-    def command(self, force: float) -> float:
-        """Store the force [N] for `transmit`; return it rounded to the board's resolution."""
-        return self._store(force)
 
 
 class Board(SerialDevice):
@@ -150,6 +143,10 @@ class Board(SerialDevice):
             )
         self._started = True
 
+    def about(self) -> dict[str, str]:
+        """Return what the board has stated in its answer to HELLO."""
+        return {} if self.identity is None else {"identity": str(self.identity)}
+
     def _ask(self, kind: int, payload: bytes, answer: Callable[[], object]) -> bool:
         """Send a message repeatedly until `answer()` is true; return False after `PATIENCE`."""
         assert self._port
@@ -211,10 +208,10 @@ class Board(SerialDevice):
             else:
                 self._update_identity(message)
         if newest:
-            self._clock.observe(newest.time, now)
-            time = self._clock.time(newest.time)
+            time, counts = self._clock.observe(newest.time, now), newest.counts
+            samples = self.samples
             for index, signal, gain in self._gains:
-                self.samples[signal] = Sample(gain * newest.counts[index], time)
+                samples[signal] = new_tuple(Sample, (gain * counts[index], time))
 
     def _in_order(self, sample: codec.Sample) -> bool:
         """Return whether a sample is newer than all previous samples; count missing samples."""
@@ -332,8 +329,7 @@ class Board(SerialDevice):
     def transmit(self) -> None:
         """If operation is requested, send the commands. This resets the board's watchdog."""
         if self._wanted:
-            rest = [0] * (codec.AXES - len(self.axes))
-            self._send(codec.COMMAND, codec.command(*(axis.counts for axis in self.axes), *rest))
+            self._send(codec.COMMAND, codec.command(*[axis.counts for axis in self.axes]))
 
     def stop(self) -> None:
         """Send the message HELLO, so that the board stops sending samples."""

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from typing import Literal
 
-from drivers.codecs.bota import FRAME, RUN, THROTTLED, BotaFrame, BotaParser, fault
+from drivers.codecs.bota import FRAME, INVALID, RUN, THROTTLED, BotaFrame, BotaParser, fault
 from drivers.device import DeviceSettings, Sample, SerialDevice
 from drivers.device_clock import MICROSECOND, WRAP, DeviceClock
-from drivers.rig import RigError
+from drivers.rig import RigError, new_tuple
 from drivers.transports.stream_port import StreamPort
 
 BAUD = 460800
@@ -17,6 +17,8 @@ STREAMING = 0.25
 """If no frame arrives in this time, the sensor is assumed to be in the configuration mode [s]."""
 FIRST_FRAME = 1.0
 """Longest wait for the first frame [s]."""
+LOADS = dict.fromkeys(("fx", "fy", "fz"), "N") | dict.fromkeys(("mx", "my", "mz"), "N m")
+"""Units of the forces and moments, in the order of a frame."""
 CLOCK_JUMP = 1.0
 """If the sensor's clock jumps by more than this time [s], it is assumed to be restarted."""
 
@@ -58,8 +60,7 @@ class Bota(SerialDevice):
 
     def signals(self) -> dict[str, str]:
         """Return the unit of each signal: forces, moments and temperature."""
-        forces = dict.fromkeys(("fx", "fy", "fz"), "N")
-        return forces | dict.fromkeys(("mx", "my", "mz"), "N m") | {"temperature": "degC"}
+        return LOADS | {"temperature": "degC"}
 
     def start(self, port: StreamPort) -> None:
         """Wait for the first frame of the sensor.
@@ -90,23 +91,27 @@ class Bota(SerialDevice):
         newest = frames[-1].timestamp_us
         self._watch_clock(newest, now)
         self._clock.observe(newest, now)
-        status = 0
+        status, valid = 0, None
         for frame in frames:
             status |= frame.status
-            if fault(frame.status):
+            if frame.status & INVALID:
                 continue
             if frame.status & THROTTLED:
                 self.rejected["throttled"] += 1
             elif not all(map(math.isfinite, frame)):
                 self.rejected["not finite"] += 1
             else:
-                self._store(frame)
+                valid = frame
+        if valid:
+            self._store(valid)
         self.error = self._restarted or fault(status)
 
     def _store(self, frame: BotaFrame) -> None:
-        time = self._clock.time(frame.timestamp_us) - self._line_time
-        for signal in self.samples:
-            self.samples[signal] = Sample(getattr(frame, signal), time)
+        _, *loads, stamp, temperature = frame
+        time, samples = self._clock.time(stamp) - self._line_time, self.samples
+        for signal, value in zip(LOADS, loads, strict=True):
+            samples[signal] = new_tuple(Sample, (value, time))
+        samples["temperature"] = new_tuple(Sample, (temperature, time))
 
     def _watch_clock(self, stamp: int, now: float) -> None:
         """Detect a restart of the sensor: a jump of its clock, whose time stamps are in us."""

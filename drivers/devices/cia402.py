@@ -8,8 +8,6 @@ import struct
 from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING
 
-import can
-
 from drivers.codecs.cia402 import (
     EMCY,
     HEARTBEAT,
@@ -45,6 +43,7 @@ from drivers.devices.cia402_master import CanopenMaster, master_of
 from drivers.devices.cia402_settings import Cia402Settings
 from drivers.rig import RigError
 from drivers.transports.can_bus import CanBus
+from drivers.transports.can_frame import CanFrame
 
 if TYPE_CHECKING:
     from drivers.devices.cia402_setup import DriveSetup
@@ -179,10 +178,22 @@ class Cia402(CanDevice, VelocityDrive):
         self.error = ""
         self._running = True
 
+    def about(self) -> dict[str, str]:
+        """Return the objects of the drive that the driver knows, by index and sub-index."""
+        from drivers.devices.cia402_setup import DriveSetup
+
+        assert self._bus
+        where = f"{self.name}: node {self.settings.node_id} on {self._bus.name}"
+        self._setup = DriveSetup(where, self._bus, self.settings)
+        try:
+            return self._setup.objects()
+        finally:
+            self._setup = None
+
     def _has_samples(self) -> bool:
         return NO_SAMPLE not in (self.samples["position"], self.samples["velocity"])
 
-    def receive(self, frame: can.Message, time: float) -> None:
+    def receive(self, frame: CanFrame, time: float) -> None:
         """Process a CAN frame that the drive has sent. `time` is its time of arrival [s]."""
         if frame.is_remote_frame:
             self.rejected["remote"] += 1

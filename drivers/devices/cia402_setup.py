@@ -7,7 +7,6 @@ import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-import can
 from canopen import Network, ObjectDictionary, RemoteNode
 from canopen.objectdictionary import (
     INTEGER8,
@@ -16,6 +15,7 @@ from canopen.objectdictionary import (
     UNSIGNED8,
     UNSIGNED16,
     UNSIGNED32,
+    VISIBLE_STRING,
     ODRecord,
     ODVariable,
 )
@@ -27,6 +27,7 @@ from drivers.devices.cia402_master import NODE
 from drivers.devices.cia402_settings import Cia402Settings
 from drivers.rig import RigError, reason
 from drivers.transports.can_bus import CanBus
+from drivers.transports.can_frame import CanFrame
 
 logging.getLogger("canopen").addHandler(logging.NullHandler())
 
@@ -83,11 +84,13 @@ VARIABLES = {
     0x6502: UNSIGNED32,
 }
 """Data type of each object without sub-indices."""
+TEXTS = (0x1008, 0x1009, 0x100A)
+"""Objects that are texts: names of the device, versions of hardware and software."""
 COMMUNICATION = {0: UNSIGNED8, 1: UNSIGNED32, 2: UNSIGNED8, 5: UNSIGNED16}
 MAPPING = {0: UNSIGNED8, 1: UNSIGNED32, 2: UNSIGNED32}
 RECORDS = {
     0x1016: {0: UNSIGNED8, 1: UNSIGNED32},
-    0x1018: {0: UNSIGNED8, 1: UNSIGNED32, 2: UNSIGNED32},
+    0x1018: {0: UNSIGNED8, **dict.fromkeys(range(1, 5), UNSIGNED32)},
     0x1029: {0: UNSIGNED8, 1: UNSIGNED8},
     **dict.fromkeys((0x1400, 0x1800, 0x1801, 0x1802, 0x1803), COMMUNICATION),
     **dict.fromkeys((0x1600, 0x1A00, 0x1A01, 0x1A02, 0x1A03), MAPPING),
@@ -110,7 +113,7 @@ class Torques(NamedTuple):
 def object_dictionary() -> ObjectDictionary:
     """Return a table of the CANopen objects that this module uses, for the package `canopen`."""
     dictionary = ObjectDictionary()  # type: ignore[no-untyped-call]
-    for index, kind in VARIABLES.items():
+    for index, kind in {**VARIABLES, **dict.fromkeys(TEXTS, VISIBLE_STRING)}.items():
         dictionary.add_object(variable(index, 0, kind))
     for index, kinds in RECORDS.items():
         record = ODRecord(f"{index:04X}h", index)
@@ -142,9 +145,9 @@ class DriveSetup:
         self._node: Any = PumpedNode(settings.node_id, bus)
         self._network[settings.node_id] = self._node
 
-    def receive(self, frame: can.Message, time: float) -> None:
+    def receive(self, frame: CanFrame, time: float) -> None:
         """Process the CAN frame of an SDO answer that arrived at `time` [s]."""
-        self._network.notify(frame.arbitration_id, frame.data, time)
+        self._network.notify(frame.arbitration_id, bytearray(frame.data), time)
 
     def run(self) -> Torques:
         """Check and configure the drive; return its torques."""
@@ -165,6 +168,28 @@ class DriveSetup:
     @property
     def _torque_unit(self) -> float:
         return TORQUE_UNITS[self._settings.rated_torque_unit]
+
+    def objects(self) -> dict[str, str]:
+        """Return the objects of the drive that this module knows, by index and sub-index.
+
+        An object that the drive does not have is left out. If the drive refuses to state an object,
+        its answer is returned.
+        """
+        places = [(index, 0) for index in (*TEXTS, *VARIABLES)]
+        places += [(index, sub) for index, kinds in RECORDS.items() for sub in kinds]
+        found = {}
+        for index, sub in places:
+            name = f"{index:04X}h:{sub:02X}"
+            try:
+                value = self._entry(index, sub).raw
+            except SdoAbortedError as error:
+                if error.code not in NO_OBJECT:
+                    found[name] = f"refused: {reason(error)}"
+            except SdoCommunicationError as error:
+                raise RigError(f"{self._where}: reading object {name}: {reason(error)}") from error
+            else:
+                found[name] = value.strip("\0 ") if isinstance(value, str) else f"{value:#x}"
+        return found
 
     def _identify(self) -> None:
         settings = self._settings

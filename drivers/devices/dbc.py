@@ -16,12 +16,11 @@ from pydantic import Field, FiniteFloat, ValidationInfo, field_validator, model_
 from drivers.device import CanDevice, DeviceSettings, Sample
 from drivers.input_file import read_input
 from drivers.rig import RigError, reason
-from drivers.transports.can_bus import EXTENDED
+from drivers.transports.can_adapter import EXTENDED
 
 if TYPE_CHECKING:
-    import can
-
     from drivers.transports.can_bus import CanBus
+    from drivers.transports.can_frame import CanFrame
 
 
 class DbcSettings(DeviceSettings):
@@ -130,7 +129,7 @@ class DbcDevice(CanDevice):
                 f"({bus.channel}): expected those of {self.settings.file.name}"
             )
 
-    def receive(self, frame: can.Message, time: float) -> None:
+    def receive(self, frame: CanFrame, time: float) -> None:
         """Decode a frame, and store the values of its signals in `samples`."""
         message = self._messages[frame.arbitration_id | frame.is_extended_id * EXTENDED]
         if frame.is_remote_frame:

@@ -7,7 +7,7 @@ from typing import Literal
 
 from drivers.codecs.ft300 import FRAME, START_STREAM, STOP_STREAM, Ft300Frame, Ft300Parser
 from drivers.device import NO_SAMPLE, DeviceSettings, Sample, SerialDevice
-from drivers.rig import RigError
+from drivers.rig import RigError, new_tuple
 from drivers.transports.stream_port import StreamPort
 
 BAUD = 19200
@@ -69,7 +69,7 @@ class Ft300(SerialDevice):
         if frames := self._parser.feed(data):
             time = now - self._line_time
             for signal, value in zip(Ft300Frame._fields, frames[-1], strict=True):
-                self.samples[signal] = Sample(value, time)
+                self.samples[signal] = new_tuple(Sample, (value, time))
 
     def stop(self) -> None:
         """Stop the data stream of the sensor. The sensor then accepts Modbus requests again."""

@@ -10,6 +10,7 @@ from pydantic import Field, FiniteFloat
 from drivers.codecs import haply as codec
 from drivers.device import DeviceSettings, ForceDrive, Sample, SerialDevice
 from drivers.rig import RigError
+from telepalpation import needs
 
 if TYPE_CHECKING:
     from websockets.client import ClientProtocol
@@ -86,9 +87,7 @@ class Haply(SerialDevice, ForceDrive):
             from websockets.client import ClientProtocol
             from websockets.uri import parse_uri
         except ImportError as error:
-            raise RigError(
-                f"{self.name}: the package websockets is missing: expected pip install websockets"
-            ) from error
+            raise RigError(needs(self.name, "websockets", "live")) from error
         self._port = port
         self._text, self._first, self._accepted = b"", None, False
         self._sent = self._answered_messages = self._zero_since = 0

@@ -14,9 +14,8 @@ from drivers.devices.mit_motor_settings import MitMotorSettings
 from drivers.rig import RigError
 
 if TYPE_CHECKING:
-    import can
-
     from drivers.transports.can_bus import CanBus
+    from drivers.transports.can_frame import CanFrame
 
 ANSWER = 0.1
 """Longest wait for one answer at the start [s]."""
@@ -195,7 +194,7 @@ class MitMotor(CanDevice):
             )
         return self._value
 
-    def receive(self, frame: can.Message, time: float) -> None:
+    def receive(self, frame: CanFrame, time: float) -> None:
         """Process an answer of the motor. `time` is its time of arrival [s]."""
         if frame.is_remote_frame:
             self.rejected["remote"] += 1

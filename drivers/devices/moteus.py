@@ -21,9 +21,8 @@ from drivers.device import (
 from drivers.rig import RigError
 
 if TYPE_CHECKING:
-    import can
-
     from drivers.transports.can_bus import CanBus
+    from drivers.transports.can_frame import CanFrame
 
 HOST = 0
 """Node of the controller program on the bus."""
@@ -137,6 +136,17 @@ class Moteus(CanDevice):
                 f"{who}: in mode {mode} for {ANSWER:g} s: expected stopped, as requested"
             )
 
+    def about(self) -> dict[str, str]:
+        """Return model, serial number, and versions of firmware and register map."""
+        found = {register: int(value) for register, value in self._identity.items()}
+        serial = (found[Register.SERIAL], found[Register.SERIAL + 1], found[Register.SERIAL + 2])
+        return {
+            "model": f"{found[Register.MODEL]:x}",
+            "serial number": codec.serial_text(serial),
+            "firmware": codec.version_text(found[Register.FIRMWARE]),
+            "register map": str(found[Register.MAP_VERSION]),
+        }
+
     def _identified(self) -> bool:
         """Request the identity; return whether it is known."""
         if Register.SERIAL in self._identity and Register.MAP_VERSION in self._identity:
@@ -144,7 +154,7 @@ class Moteus(CanDevice):
         self._send(codec.padded(codec.IDENTIFY))
         return False
 
-    def receive(self, frame: can.Message, time: float) -> None:
+    def receive(self, frame: CanFrame, time: float) -> None:
         """Process a reply of the controller."""
         reply = None if frame.is_remote_frame else codec.decode(bytes(frame.data))
         if reply is None:

@@ -19,12 +19,11 @@ from drivers.device import (
     Sample,
     VelocityDrive,
 )
-from drivers.rig import RigError
+from drivers.rig import RigError, new_tuple
 
 if TYPE_CHECKING:
-    import can
-
     from drivers.transports.can_bus import CanBus
+    from drivers.transports.can_frame import CanFrame
 
 FIRST_HEARTBEAT = 1.0
 """Longest wait for the first heartbeat [s]. This is ten times the default period."""
@@ -187,12 +186,17 @@ class ODrive(CanDevice, VelocityDrive):
                 "in the rig file"
             )
 
-    def receive(self, frame: can.Message, time: float) -> None:
+    def about(self) -> dict[str, str]:
+        """Return the firmware version; firmware 0.5 does not state it."""
+        found = ".".join(map(str, self._version)) if self._version else "not stated"
+        return {"firmware": found}
+
+    def receive(self, frame: CanFrame, time: float) -> None:
         """Process a CAN frame that the axis has sent. `time` is its time of arrival [s]."""
         if frame.is_remote_frame:
             self.rejected["remote"] += 1
             return
-        data = bytes(frame.data)
+        data = frame.data
         if len(data) != codec.LENGTH:
             self.rejected["length"] += 1
             return
@@ -216,7 +220,7 @@ class ODrive(CanDevice, VelocityDrive):
             self.rejected["not finite"] += 1
             return
         for signal, value in values.items():
-            self.samples[signal] = Sample(value, time)
+            self.samples[signal] = new_tuple(Sample, (value, time))
 
     def _check_state(self, heartbeat: codec.Heartbeat) -> None:
         """Check whether the axis is in the requested state; in operation, set `error` if not."""

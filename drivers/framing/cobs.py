@@ -14,6 +14,8 @@ from collections import Counter
 DELIMITER = b"\0"
 RUN = 254
 """Largest number of non-zero bytes after one code byte."""
+CODES = [bytes((length + 1,)) for length in range(RUN)]
+"""Code byte of a run of non-zero bytes, by the length of the run."""
 
 
 def encode(data: bytes) -> bytes:
@@ -28,7 +30,7 @@ def encode(data: bytes) -> bytes:
         while len(run) >= RUN:
             parts.append(b"\xff" + run[:RUN])
             run = run[RUN:]
-        parts.append(bytes((len(run) + 1,)) + run)
+        parts.append(CODES[len(run)] + run)
     if runs[-1] and len(runs[-1]) % RUN == 0:
         parts.pop()
     return b"".join(parts)
@@ -41,19 +43,21 @@ def decode(encoded: bytes) -> bytes:
     by zero bytes, with two exceptions. The first code byte is removed. Each code byte that follows
     254 non-zero bytes is also removed.
     """
+    if 0 in encoded:
+        raise ValueError("a zero byte in an encoded frame: expected none")
     data = bytearray(encoded)
     at, end = 0, len(data)
     fillers = []
     while at < end:
         code = data[at]
-        if not code or code > end - at:
-            raise ValueError(f"code {code} at byte {at} of {end}: expected 1 to {end - at}")
         data[at] = 0
         at += code
-        if code > RUN and at < end:
+        if code > RUN:
             fillers.append(at)
+    if at > end:
+        raise ValueError(f"the last code byte is {code}: expected {code + end - at}")
     for filler in reversed(fillers):
-        del data[filler]
+        del data[filler : filler + 1]
     return bytes(data[1:])
 
 

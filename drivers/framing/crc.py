@@ -11,6 +11,8 @@ from binascii import crc_hqx
 
 MIRRORED = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))
 """Table of reversed bits. The byte at index i is i with its bits reversed."""
+X25_REMAINDER = 0x1D0F
+"""Value of the CRC register after a frame that ends with its X.25 CRC."""
 
 
 def crc16_x25(data: bytes) -> int:
@@ -22,6 +24,14 @@ def crc16_x25(data: bytes) -> int:
     """
     crc = crc_hqx(data.translate(MIRRORED), 0xFFFF)
     return (MIRRORED[crc & 0xFF] << 8 | MIRRORED[crc >> 8]) ^ 0xFFFF
+
+
+def ends_with_x25(frame: bytes) -> bool:
+    """Return whether the last two bytes of a frame are the CRC of the bytes before, low byte first.
+
+    If so, the CRC register has the same value after every frame (ITU-T X.25, section 2.2.7.4).
+    """
+    return crc_hqx(frame.translate(MIRRORED), 0xFFFF) == X25_REMAINDER
 
 
 def modbus_step(byte: int) -> int:

@@ -36,7 +36,9 @@ class FixedFrameParser(ABC, Generic[Frame]):
         frames: list[Frame] = []
         buffer, at = self._rest + data, 0
         while True:
-            start = self._header_from(buffer, at)
+            start = buffer.find(self.header, at)
+            if start < 0:
+                start = self._begun_header(buffer, at)
             if start > at:
                 self.rejected["noise"] += start - at
             if len(buffer) - start < self.size:
@@ -50,14 +52,10 @@ class FixedFrameParser(ABC, Generic[Frame]):
                 frames.append(frame)
                 at = start + self.size
 
-    def _header_from(self, buffer: bytes, at: int) -> int:
-        """Return the index of the first header that starts at index `at` or later.
+    def _begun_header(self, buffer: bytes, at: int) -> int:
+        """Return the index of the first bytes of a header at the end of the buffer.
 
-        If there is no header, but the buffer ends with the first bytes of a header, return the
-        index of these bytes. Otherwise return the length of the buffer.
+        If there are none after index `at`, return the length of the buffer.
         """
-        found = buffer.find(self.header, at)
-        if found >= 0:
-            return found
         begun = range(min(len(self.header) - 1, len(buffer) - at), 0, -1)
         return len(buffer) - next((n for n in begun if buffer.endswith(self.header[:n])), 0)

@@ -16,6 +16,7 @@ import time
 import serial
 
 from drivers.claims import lock_holder, process_text
+from drivers.posix import is_posix
 
 CHUNK = 65_536
 """Largest number of bytes per read. One read returns all waiting bytes, which are always fewer."""
@@ -49,13 +50,12 @@ class PortablePort:
         return bytes(self._port.read(waiting))
 
     def write(self, data: bytes, timeout: float) -> int:
-        """Write as many bytes as the port accepts, and return the number of written bytes."""
-        taken = self._write_some(data)
-        if taken < len(data):
-            deadline = time.monotonic() + timeout
-            while taken < len(data) and (left := deadline - time.monotonic()) > 0.0:
-                self._wait_for_room(left)
-                taken += self._write_some(data[taken:])
+        """Write as many bytes as the port accepts in this time, and return their number."""
+        taken = self.send(data)
+        deadline = time.monotonic() + timeout
+        while taken < len(data) and (left := deadline - time.monotonic()) > 0.0:
+            self._wait_for_room(left)
+            taken += self.send(data[taken:])
         return taken
 
     def discard_input(self) -> None:
@@ -66,7 +66,8 @@ class PortablePort:
         """Close the port."""
         self._port.close()
 
-    def _write_some(self, data: bytes) -> int:
+    def send(self, data: bytes) -> int:
+        """Write as many bytes as the port accepts now, and return the number of written bytes."""
         try:
             return self._port.write(data) or 0
         except serial.SerialTimeoutException:
@@ -77,20 +78,24 @@ class PortablePort:
 
 
 class DescriptorPort(PortablePort):
-    """Serial port that uses POSIX calls. They are five times as fast as the calls of pyserial."""
+    """Serial port that uses POSIX calls: one to read all bytes, and one to write."""
 
     def __init__(self, port: serial.Serial) -> None:
         super().__init__(port)
         self._descriptor: int = port.fileno()
+        os.set_blocking(self._descriptor, False)
 
     def read(self, timeout: float | None) -> bytes:
         """Return all bytes that have arrived. If there are none, wait for the first byte.
 
         See `PortablePort.read` for the timeout. OSError: the port is gone.
         """
-        if not select.select([self._descriptor], [], [], timeout)[0]:
-            return b""
-        data = os.read(self._descriptor, CHUNK)
+        try:
+            data = os.read(self._descriptor, CHUNK)
+        except BlockingIOError:
+            if timeout == 0.0 or not select.select([self._descriptor], [], [], timeout)[0]:
+                return b""
+            data = os.read(self._descriptor, CHUNK)
         if not data:
             raise OSError("end of file")
         return data
@@ -104,7 +109,8 @@ class DescriptorPort(PortablePort):
         self._descriptor = -1
         super().close()
 
-    def _write_some(self, data: bytes) -> int:
+    def send(self, data: bytes) -> int:
+        """Write as many bytes as the port accepts now, and return the number of written bytes."""
         try:
             return os.write(self._descriptor, data)
         except BlockingIOError:
@@ -121,7 +127,10 @@ def open_port(channel: str, baud: int) -> PortablePort:
     descriptor, otherwise a `PortablePort`.
     """
     try:
-        port = serial.serial_for_url(channel, baud, timeout=0, write_timeout=0, exclusive=True)
+        # With this inter-byte timeout, POSIX reads without data fail, and b"" is the end of file.
+        port = serial.serial_for_url(
+            channel, baud, timeout=0, write_timeout=0, inter_byte_timeout=0, exclusive=True
+        )
     except OSError as error:
         if error.errno in (errno.EAGAIN, errno.EBUSY):
             raise BusyPortError(f"it is used by {process_text(lock_holder(channel))}") from error
@@ -129,6 +138,6 @@ def open_port(channel: str, baud: int) -> PortablePort:
     with contextlib.suppress(AttributeError, NotImplementedError, ValueError, OSError):
         port.set_low_latency_mode(True)
     with contextlib.suppress(io.UnsupportedOperation):
-        if os.name == "posix":
+        if is_posix():
             return DescriptorPort(port)
     return PortablePort(port)

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
+import math
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
 
 from drivers.claims import claim, claimant, process_text
 from drivers.rig import RigError
+
+if TYPE_CHECKING:
+    from drivers.device import Device
 
 POLL_PERIOD = 0.5e-3
 """Time between two readings of the bus during `wait_for` [s]."""
@@ -26,7 +30,17 @@ class Bus(ABC):
         """Function that `wait_for` calls with the time [s] to wait between two readings."""
         self.pump: Callable[[], object] = self.poll
         """Function that `wait_for` calls to read the bus. In a rig, it reads all buses."""
+        self.log: Callable[[str, str], object] | None = None
+        """Function that gets each transmission as text, after `<` (received) or `>` (sent)."""
         self._held = contextlib.ExitStack()
+
+    @property
+    def occupied(self) -> float:
+        """Time for which the line has carried data so far [s]; NaN if its bit rate is not known.
+
+        It is computed from the number of transmitted bits. Use differences of it.
+        """
+        return math.nan
 
     @abstractmethod
     def open(self) -> None:
@@ -47,6 +61,11 @@ class Bus(ABC):
     def start(self, device: Any) -> None:
         """Set up a connected device."""
         device.start(self)
+
+    def transmit(self, devices: Sequence[Device]) -> None:
+        """Let devices of this bus send their commands."""
+        for device in devices:
+            device.transmit()
 
     def wait_for(self, condition: Callable[[], object], seconds: float) -> bool:
         """Read the bus repeatedly until a condition is true, or until the longest wait has passed.

@@ -7,7 +7,7 @@ import ipaddress
 import json
 import math
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,10 +15,17 @@ import can
 
 from drivers.rig import RigError, reason
 from drivers.transports.bus import Bus
+from drivers.transports.can_adapter import (
+    EXTENDED,
+    CanAdapter,
+    PythonCanAdapter,
+    SocketCanAdapter,
+)
+from drivers.transports.can_frame import CanFrame
 from drivers.transports.slcan import SlcanBus, StatusFlags
 
 if TYPE_CHECKING:
-    from drivers.device import CanDevice
+    from drivers.device import CanDevice, Device
 
 LATEST = 1.0
 """Largest age of a frame's time stamp on the system clock [s].
@@ -27,12 +34,8 @@ If a time stamp is older, it must be from another clock. Such a time stamp is no
 """
 STATUS_EVERY = 0.01
 """Period of the status requests to an slcan adapter [s]."""
-MOST = 4096
-"""Largest number of frames that one reading of the bus returns."""
 BUS_OFF = 0x40
 """Bit in the identifier of a Linux error frame. It is set if the CAN controller is bus-off."""
-EXTENDED = 1 << 31
-"""Bit that is set in an identifier of 29 bits, as in DBC files."""
 MULTICAST_PORT = 43113
 """Port of the interface `udp_multicast` of python-can if the options contain none."""
 NOT_IDENTIFYING = ("can_filters", "fd", "receive_own_messages", "timing")
@@ -47,6 +50,17 @@ FD_LENGTHS = (*range(9), 12, 16, 20, 24, 32, 48, 64)
 """Possible numbers of data bytes of a CAN FD frame."""
 FD_MTU = 72
 """Smallest maximum transmission unit of a SocketCAN interface with CAN FD [bytes]."""
+
+
+BITS = tuple(47 + 8 * n + (33 + 8 * n) // 4 for n in range(9))
+"""Largest number of bits of a CAN frame with n data bytes, with stuff bits and interframe space."""
+EXTENDED_BITS = tuple(67 + 8 * n + (53 + 8 * n) // 4 for n in range(9))
+"""The same for a frame with an identifier of 29 bits."""
+FD_BITS = 30
+"""Number of bits of a CAN FD frame that are sent with the bit rate of the arbitration."""
+FD_EXTENDED_BITS = 48
+FD_CHECK_BITS = 30
+"""Largest number of bits of a CAN FD frame besides its data that are sent with their bit rate."""
 
 
 class CanBus(Bus):
@@ -74,18 +88,20 @@ class CanBus(Bus):
         self._options = options
         self.fd = fd
         self._data_bitrate = data_bitrate
-        self._bus: can.BusABC | None = None
-        self._drain: Callable[[], list[can.Message]] = list
-        self._routes: dict[int, Callable[[can.Message, float], object]] = {}
+        self._adapter: CanAdapter | None = None
+        self._routes: dict[int, Callable[[CanFrame, float], object]] = {}
+        self._queue: list[CanFrame] | None = None
+        """Frames that `transmit` sends together; None while frames are sent at once."""
         self._polled = now()
         self._asked = -math.inf
         self.received = 0
         """Number of received frames."""
         self.errors = 0
         """Number of received error frames."""
+        self._bits = self._data_bits = 0
 
     def attach(
-        self, identifiers: Iterable[int], receive: Callable[[can.Message, float], object]
+        self, identifiers: Iterable[int], receive: Callable[[CanFrame, float], object]
     ) -> None:
         """Register the function that receives the frames with the given identifiers."""
         self._routes.update(dict.fromkeys(identifiers, receive))
@@ -104,8 +120,7 @@ class CanBus(Bus):
             self._claim(identity, f"CAN bus {self.channel} ({self.interface})")
         try:
             if self.interface == "slcan":
-                bus = SlcanBus(self.channel, bitrate=self._bitrate, **self._options)
-                self._bus, self._drain = bus, bus.drain
+                self._adapter = SlcanBus(self.channel, bitrate=self._bitrate, **self._options)
             else:
                 options = dict(self._options)
                 if self._bitrate:
@@ -113,7 +128,8 @@ class CanBus(Bus):
                 if self.fd:
                     options |= self._fd_options()
                 other = can.Bus(interface=self.interface, channel=self.channel, **options)
-                self._bus, self._drain = other, lambda: waiting(other)
+                is_socket = self.interface == "socketcan"
+                self._adapter = (SocketCanAdapter if is_socket else PythonCanAdapter)(other)
         except (can.CanError, OSError, ValueError, TypeError, ImportError) as error:
             self._held.close()
             raise RigError(
@@ -137,7 +153,10 @@ class CanBus(Bus):
 
     def _has_fd(self) -> bool:
         """Return whether the opened bus can send CAN FD frames."""
-        if not self._bus or self._bus.protocol is can.CanProtocol.CAN_20:
+        if (
+            not isinstance(self._adapter, PythonCanAdapter)
+            or self._adapter.bus.protocol is can.CanProtocol.CAN_20
+        ):
             return False
         if self.interface == "socketcan":
             with contextlib.suppress(OSError, ValueError):
@@ -162,30 +181,32 @@ class CanBus(Bus):
         the last second, or if the adapter is an slcan adapter, the arrival time is estimated. The
         estimate is the mean of the time of this reading and the time of the previous reading.
         """
+        assert self._adapter
         try:
-            frames = self._drain()
+            frames = self._adapter.drain()
         except (can.CanError, OSError) as error:
             raise self._gone(error) from error
         now = self.now()
-        if isinstance(self._bus, SlcanBus) and now - self._asked > STATUS_EVERY:
+        if isinstance(self._adapter, SlcanBus) and now - self._asked > STATUS_EVERY:
             self._asked = now
-            self._watch_adapter(self._bus)
+            self._watch_adapter(self._adapter)
         middle, self._polled = 0.5 * (self._polled + now), now
         if not frames:
             return
         self.received += len(frames)
-        wall = time.time()
+        wall, routes = time.time(), self._routes
         for frame in frames:
+            self._count(frame)
+            if self.log:
+                self.log("<", frame_text(frame))
             if frame.is_error_frame:
                 self.errors += 1
                 if frame.arbitration_id & BUS_OFF:
                     raise RigError(f"{self.name}: CAN bus {self.channel} is off")
                 continue
-            receive = self._routes.get(frame.arbitration_id | frame.is_extended_id * EXTENDED)
-            if receive:
+            if receive := routes.get(frame.arbitration_id | frame.is_extended_id * EXTENDED):
                 age = wall - frame.timestamp
-                stamped = self.interface != "slcan" and 0.0 <= age < LATEST
-                receive(frame, now - age if stamped else middle)
+                receive(frame, now - age if 0.0 <= age < LATEST else middle)
 
     def _watch_adapter(self, bus: SlcanBus) -> None:
         """Check the status flags of an slcan adapter, which sends no error frames."""
@@ -213,37 +234,68 @@ class CanBus(Bus):
         if fd and (not self.fd or len(data) not in FD_LENGTHS):
             raise ValueError(f"CAN FD frame of {len(data)} bytes: expected a bus with CAN FD")
         self._put(
-            can.Message(
-                arbitration_id=identifier,
-                data=data,
-                is_extended_id=extended,
-                is_fd=fd,
-                bitrate_switch=bitrate_switch,
-                check=False,
+            CanFrame(
+                identifier, data, is_extended_id=extended, is_fd=fd, bitrate_switch=bitrate_switch
             )
         )
 
     def request(self, identifier: int, length: int = 8) -> None:
         """Send a remote frame, which is a request for the data frame with the same identifier."""
-        self._put(
-            can.Message(
-                arbitration_id=identifier, dlc=length, is_remote_frame=True, is_extended_id=False
-            )
-        )
+        self._put(CanFrame(identifier, is_remote_frame=True, requested=length))
 
-    def _put(self, frame: can.Message) -> None:
-        assert self._bus
+    @property
+    def occupied(self) -> float:
+        """Time for which the frames of this computer and of its devices used the bus so far [s].
+
+        Each frame has the largest possible number of stuff bits.
+        """
+        if not self._bitrate:
+            return math.nan
+        return self._bits / self._bitrate + self._data_bits / (self._data_bitrate or self._bitrate)
+
+    def _count(self, frame: CanFrame) -> None:
+        """Add the bits of a frame to those that the bus has carried."""
+        size = 0 if frame.is_remote_frame else len(frame.data)
+        if frame.is_fd:
+            self._bits += FD_EXTENDED_BITS if frame.is_extended_id else FD_BITS
+            self._data_bits += (8 * size + FD_CHECK_BITS) * 5 // 4
+        elif size <= 8:
+            self._bits += (EXTENDED_BITS if frame.is_extended_id else BITS)[size]
+
+    def transmit(self, devices: Sequence[Device]) -> None:
+        """Let devices send their commands, and send the frames of all of them together."""
+        queue: list[CanFrame] = []
+        self._queue = queue
         try:
-            self._bus.send(frame)
+            super().transmit(devices)
+        finally:
+            self._queue = None
+            self._send_all(queue)
+
+    def _put(self, frame: CanFrame) -> None:
+        self._count(frame)
+        if self.log:
+            self.log(">", frame_text(frame))
+        if self._queue is None:
+            self._send_all((frame,))
+        else:
+            self._queue.append(frame)
+
+    def _send_all(self, frames: Sequence[CanFrame]) -> None:
+        if not frames:
+            return
+        assert self._adapter
+        try:
+            self._adapter.put(frames)
         except (can.CanError, OSError) as error:
             raise self._gone(error) from error
 
     def close(self) -> None:
         """Close the adapter."""
-        if self._bus:
+        if self._adapter:
             with contextlib.suppress(can.CanError, OSError):
-                self._bus.shutdown()
-        self._bus = None
+                self._adapter.shutdown()
+        self._adapter = None
         self._held.close()
 
     def _gone(self, error: Exception) -> RigError:
@@ -251,12 +303,9 @@ class CanBus(Bus):
         return RigError(f"{self.name}: {where}{reason(error)}")
 
 
-def waiting(bus: can.BusABC) -> list[can.Message]:
-    """Return the frames that have arrived on a python-can bus, without waiting.
-
-    One call returns at most 4096 frames.
-    """
-    frames: list[can.Message] = []
-    while len(frames) < MOST and (frame := bus.recv(0)) is not None:
-        frames.append(frame)
-    return frames
+def frame_text(frame: CanFrame) -> str:
+    """Return a frame in the form of candump: identifier, #, and the bytes or R (remote frame)."""
+    digits = 8 if frame.is_extended_id else 3
+    kind = "E" if frame.is_error_frame else "R" if frame.is_remote_frame else ""
+    mark = "##0" if frame.is_fd else "#"
+    return f"{frame.arbitration_id:0{digits}X}{mark}{kind or frame.data.hex()}"

@@ -154,6 +154,8 @@ class DatagramPort(Bus):
                 self.rejected["another sender"] += 1
                 continue
             self.received += 1
+            if self.log:
+                self.log("<", data.hex())
             if self._receive:
                 age = wall - stamp
                 self._receive(data, now - age if 0.0 <= age < LATEST else middle)
@@ -161,6 +163,8 @@ class DatagramPort(Bus):
     def send(self, data: bytes) -> None:
         """Send a datagram to the device, without waiting."""
         assert self._socket
+        if self.log:
+            self.log(">", data.hex())
         try:
             try:
                 self._socket.sendto(data, self._device)

@@ -40,7 +40,7 @@ class SerialPort(StreamPort):
 
     def _write(self, data: bytes) -> int:
         assert self._opened
-        return self._opened.write(data, 0.0)
+        return self._opened.send(data)
 
     def close(self) -> None:
         """Close the port."""

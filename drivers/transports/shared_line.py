@@ -41,6 +41,7 @@ class SharedLine(Bus):
         self._devices.clear()
         self._turns.clear()
         self._asked, self._free_at, self._rest = None, -math.inf, b""
+        self._stream.log = self.log
         self._stream.open()
 
     def connect(self, device: SharedSerialDevice) -> None:
@@ -73,6 +74,12 @@ class SharedLine(Bus):
     def line_time(self, size: int) -> float:
         """Return the time [s] that the line needs for `size` bytes; 0 if not known."""
         return self._stream.line_time(size)
+
+    @property
+    def occupied(self) -> float:
+        """Time for which the line has carried requests and answers so far [s]."""
+        stream = self._stream
+        return stream.line_time(stream.written + stream.received) if stream.baud else math.nan
 
     def close(self) -> None:
         """Close the port."""

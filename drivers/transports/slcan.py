@@ -15,51 +15,51 @@ import re
 import time
 from binascii import hexlify, unhexlify
 from collections import deque
+from collections.abc import Sequence
 from enum import IntFlag
 
 import can
 
+from drivers.rig import new_tuple
 from drivers.transports.bulk_port import open_port
+from drivers.transports.can_frame import CanFrame
 
 
-def encode(msg: can.Message) -> bytes:
+def encode(frame: CanFrame) -> bytes:
     """Return a CAN frame as a line of the slcan protocol, with the CR at the end."""
-    length = 0 if msg.is_remote_frame else msg.dlc
-    limit = 1 << 29 if msg.is_extended_id else 1 << 11
+    identifier, length, extended = frame.arbitration_id, frame.dlc, frame.is_extended_id
     if (
-        msg.is_fd
-        or msg.is_error_frame
-        or msg.dlc > 8
-        or len(msg.data) != length
-        or not 0 <= msg.arbitration_id < limit
+        frame.is_fd
+        or frame.is_error_frame
+        or length > 8
+        or (frame.is_remote_frame and frame.data)
+        or not 0 <= identifier < (1 << 29 if extended else 1 << 11)
     ):
-        raise ValueError(f"slcan frame {msg!r}: expected a classical data or remote frame")
-    kind = "r" if msg.is_remote_frame else "t"
-    if msg.is_extended_id:
-        head = f"{kind.upper()}{msg.arbitration_id:08X}{msg.dlc}"
+        raise ValueError(f"slcan frame {frame!r}: expected a classical data or remote frame")
+    kind = KINDS[extended, frame.is_remote_frame]
+    layout = b"%b%08X%d%b\r" if extended else b"%b%03X%d%b\r"
+    return layout % (kind, identifier, length, hexlify(frame.data).upper())
+
+
+def decode(line: bytes) -> CanFrame:
+    """Return the CAN frame that a line of the slcan protocol contains.
+
+    The time stamp of the adapter, two bytes that may be at the end, is not used.
+    """
+    kind = line[:1]
+    extended, remote = kind in b"TR", kind in b"rR"
+    if extended:
+        octets, start, most = unhexlify(b"0" + line[1:]), 5, 1 << 29
     else:
-        head = f"{kind}{msg.arbitration_id:03X}{msg.dlc}"
-    return head.encode() + hexlify(msg.data).upper() + b"\r"
-
-
-def decode(line: bytes, timestamp: float) -> can.Message:
-    """Return the CAN frame that a line of the slcan protocol contains."""
-    extended, remote = line[:1] in b"TR", line[:1] in b"rR"
-    place = 9 if extended else 4
-    identifier = int.from_bytes(unhexlify(line[1:9] if extended else b"0" + line[1:4]), "big")
-    length = b"012345678".index(line[place : place + 1])
-    stop = place + 1 + (0 if remote else 2 * length)
-    if len(line) not in (stop, stop + 4) or identifier >= 1 << (29 if extended else 11):
+        octets, start, most = unhexlify(line[1:]), 2, 1 << 11
+    head = int.from_bytes(octets[:start], "big")
+    identifier, length = head >> 4, head & 0xF
+    stop = start if remote else start + length
+    if len(octets) not in (stop, stop + 2) or length > 8 or identifier >= most:
         raise ValueError("invalid frame")
-    data = unhexlify(line[place + 1 :])
-    return can.Message(
-        timestamp=timestamp,
-        arbitration_id=identifier,
-        is_extended_id=extended,
-        is_remote_frame=remote,
-        dlc=length,
-        data=data[:length],
-    )
+    requested = length if remote else 0
+    values = (identifier, octets[start:stop], 0.0, extended, remote, False, False, False, requested)
+    return new_tuple(CanFrame, values)
 
 
 CR, BEL = b"\r", b"\a"
@@ -67,6 +67,8 @@ ACKNOWLEDGEMENTS = (b"", b"z", b"Z")
 """Lines, without CR, with which the adapter accepts a command."""
 FRAMES = (b"t", b"T", b"r", b"R")
 """First bytes of the lines that contain a CAN frame."""
+KINDS = {(False, False): b"t", (True, False): b"T", (False, True): b"r", (True, True): b"R"}
+"""First byte of a line, for each `is_extended_id` and `is_remote_frame` of the frame."""
 BARE = re.compile(rb"(?<![^\r\a])[\r\a]")
 """Pattern of CR or BEL on a line without other text, which is the answer to a set-up command."""
 BITRATES = (10_000, 20_000, 50_000, 100_000, 125_000, 250_000, 500_000, 800_000, 1_000_000)
@@ -102,8 +104,9 @@ class SlcanBus(can.BusABC):
     `bitrate`: None to keep the present setting of the adapter.
 
     `recv` and `drain` read all waiting bytes of the port. Invalid lines, for example frames
-    changed by noise, are counted and skipped. `send` does not wait for the adapter's answer. If the
-    adapter refuses a frame, a later call of `recv` or `drain` reads the refusal and raises
+    changed by noise, are counted and skipped. `send` and `put` do not wait for the adapter's
+    answer. `put` sends several frames at once. If the adapter refuses a frame, a later call of
+    `recv` or `drain` reads the refusal and raises
     CanOperationError. The frames that this call received are not lost: the next call returns them.
     Call `recv` or `drain` about as often as `send`, because an adapter may stop if its answers are
     not read. This class has no method `fileno`, because waiting for the file descriptor of the port
@@ -132,7 +135,7 @@ class SlcanBus(can.BusABC):
         """Number of answers that arrived when no command was waiting for an answer."""
         self.malformed = 0
         """Number of invalid lines."""
-        self._received: deque[can.Message] = deque()
+        self._received: deque[CanFrame] = deque()
         self._in_flight: deque[bytes] = deque(maxlen=IN_FLIGHT_LIMIT)
         self._rest = b""
         self._cut = b""
@@ -155,26 +158,35 @@ class SlcanBus(can.BusABC):
         """Number of sent commands that the adapter has not yet answered. It is limited to 1000."""
         return len(self._in_flight)
 
-    def drain(self) -> list[can.Message]:
+    def drain(self) -> list[CanFrame]:
         """Return all received frames, without waiting."""
         self._fetch(0.0)
         frames = list(self._received)
         self._received.clear()
-        return [f for f in frames if self._matches_filters(f)] if self._filters else frames
+        if self._filters:
+            return [frame for frame in frames if self._matches_filters(frame.message())]
+        return frames
+
+    def put(self, frames: Sequence[CanFrame]) -> None:
+        """Send frames to the adapter, without waiting for its answers."""
+        self._write([encode(frame) for frame in frames], 0.0)
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
         """Send a frame to the adapter, without waiting for its answer.
 
         `timeout`: None for no wait.
         """
-        self._write(encode(msg), timeout or 0.0)
+        frame = CanFrame.of(msg)
+        if frame.dlc != msg.dlc:
+            raise ValueError(f"slcan frame {msg!r}: expected a classical data or remote frame")
+        self._write([encode(frame)], timeout or 0.0)
 
     def status(self) -> StatusFlags | None:
         """Request the status flags of the adapter, without waiting for the answer.
 
         The result is None if there is no answer yet.
         """
-        self._write(b"F\r", 0.0)
+        self._write([b"F\r"], 0.0)
         return self.flags
 
     def shutdown(self) -> None:
@@ -182,13 +194,15 @@ class SlcanBus(can.BusABC):
         if not self._is_shutdown:
             super().shutdown()
             with contextlib.suppress(can.CanOperationError):
-                self._write(b"C\r", 0.0)
+                self._write([b"C\r"], 0.0)
             self._port.close()
 
     def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
         if not self._received:
             self._fetch(timeout)
-        return (self._received.popleft() if self._received else None), False
+        if not self._received:
+            return None, False
+        return self._received.popleft()._replace(timestamp=time.time()).message(), False
 
     def _open_channel(self, bitrate: int | None) -> None:
         """Close the CAN channel, set the bit rate if it is not None, and open the channel."""
@@ -228,18 +242,30 @@ class SlcanBus(can.BusABC):
                 return answer[0]
         return b""
 
-    def _write(self, line: bytes, timeout: float) -> None:
-        data = self._cut + line
+    def _write(self, lines: list[bytes], timeout: float) -> None:
+        """Write lines at once. After a line that the port accepts in part, no further line is sent.
+
+        The next call completes this line by CR. The adapter then answers it.
+        """
+        data = self._cut + b"".join(lines)
         try:
-            written = self._port.write(data, timeout)
+            written = self._port.write(data, timeout) if timeout else self._port.send(data)
         except (OSError, ValueError) as error:
             raise self._gone(error) from error
-        self._in_flight.append(line)
-        self._cut = b"" if written == len(data) else CR
-        if self._cut:
-            raise can.CanOperationError(
-                f"{self.channel_info}: the port's buffer is full: expected a running adapter"
-            )
+        if written == len(data):
+            self._in_flight.extend(lines)
+            self._cut = b""
+            return
+        end = len(self._cut)
+        for line in lines:
+            self._in_flight.append(line)
+            end += len(line)
+            if end > written:
+                break
+        self._cut = CR
+        raise can.CanOperationError(
+            f"{self.channel_info}: the port's buffer is full: expected a running adapter"
+        )
 
     def _fetch(self, timeout: float | None) -> None:
         """Read and process all waiting bytes; raise CanOperationError if a frame was refused."""
@@ -259,13 +285,12 @@ class SlcanBus(can.BusABC):
     def _parse(self, data: bytes) -> None:
         *lines, rest = (self._rest + data).replace(BEL, BEL + CR).split(CR)
         self._rest = rest[:LINE_LIMIT]
-        now = time.time()
         for line in lines:
             try:
                 if line[-1:] == BEL:
                     self._process_refusal(line)
                 elif line[:1] in FRAMES:
-                    self._received.append(decode(line, now))
+                    self._received.append(decode(line))
                 else:
                     self._process_answer(line)
             except ValueError:

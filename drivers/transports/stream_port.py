@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import abstractmethod
 from collections.abc import Callable
 from typing import TYPE_CHECKING
@@ -29,6 +30,8 @@ class StreamPort(Bus):
         self.baud = baud
         self.received = 0
         """Number of received bytes."""
+        self.written = 0
+        """Number of sent bytes."""
         self._receive: Callable[[bytes, float], object] | None = None
         self._polled = now()
 
@@ -39,6 +42,11 @@ class StreamPort(Bus):
     def connect(self, device: SerialDevice) -> None:
         """Pass the received bytes to a device."""
         self.attach(device.receive)
+
+    @property
+    def occupied(self) -> float:
+        """Time for which the busier direction of the line has carried data so far [s]."""
+        return self.line_time(max(self.written, self.received)) if self.baud else math.nan
 
     @abstractmethod
     def _read(self) -> bytes:
@@ -54,25 +62,27 @@ class StreamPort(Bus):
         The arrival time of the bytes is estimated as the mean of the time of this reading and the
         time of the previous reading.
         """
-        data, now = self.drain(), self.now()
+        try:
+            data = self._read()
+        except (OSError, ValueError) as error:
+            raise self._gone(error) from error
+        now = self.now()
+        if data and self.log:
+            self.log("<", data.hex())
         if data and self._receive:
             self.received += len(data)
             self._receive(data, 0.5 * (self._polled + now))
         self._polled = now
 
-    def drain(self) -> bytes:
-        """Return all bytes that have arrived, without waiting."""
-        try:
-            return self._read()
-        except (OSError, ValueError) as error:
-            raise self._gone(error) from error
-
     def write(self, data: bytes) -> None:
         """Send bytes without waiting."""
+        if self.log:
+            self.log(">", data.hex())
         try:
             written = self._write(data)
         except (OSError, ValueError) as error:
             raise self._gone(error) from error
+        self.written += written
         if written != len(data):
             raise RigError(f"{self.name}: port {self.port} does not send: its buffer is full")
 

@@ -17,6 +17,8 @@ from estimation.arrays import Floats
 
 BLOCK = 64
 """Number of samples in a block."""
+LAG = np.subtract.outer(np.arange(BLOCK), np.arange(BLOCK))
+"""Number of samples by which the sample of a row is later than that of a column, in a block."""
 START = 8
 """Number of samples from which the value at the start of a piece is computed.
 
@@ -38,8 +40,7 @@ def relaxing_part(pieces: Iterable[Floats], period: float, tau: float) -> Floats
     decay = math.exp(-period / tau)
     gain = tau / period * (1.0 - decay)
     powers = decay ** np.arange(BLOCK + 1)
-    lag = np.subtract.outer(np.arange(BLOCK), np.arange(BLOCK))
-    response = np.where(lag >= 0, powers[lag], 0.0)
+    response = np.where(LAG >= 0, powers[LAG], 0.0)
     parts = []
     for piece in pieces:
         n = piece.shape[-1]

@@ -6,6 +6,8 @@ import contextlib
 import os
 from pathlib import Path
 
+from drivers.posix import needs_posix, posix_module
+
 CHUNK = 1 << 16
 """Largest number of bytes that one call of `read` returns."""
 
@@ -23,11 +25,9 @@ class PseudoTerminal:
 
     def open(self) -> None:
         """Create the pseudo-terminal, and a symbolic link to it at the path `self.path`."""
-        try:
-            import pty
-            import tty
-        except ImportError as error:
-            raise NotImplementedError("there are no pseudo-terminals on this system") from error
+        pty, tty = posix_module("pty"), posix_module("tty")
+        if pty is None or tty is None:
+            raise NotImplementedError(needs_posix("a pseudo-terminal"))
         device, host = pty.openpty()
         tty.setraw(host)
         os.set_blocking(device, False)

@@ -91,6 +91,7 @@ def compare(
     )
     from teleop.output.console import plain_console, print_json
     from teleop.output.table_files import check_table_ending, write_table_file
+    from teleop.software import software
     from teleop.studies.anova import check_available
     from teleop.studies.factors import read_factors
     from teleop.studies.recordings import planned_levels, sources, stated_factors, usual_factors
@@ -165,6 +166,7 @@ def compare(
                 save(agreed, plot_agreement, overwrite)
     if json:
         document = {
+            "software": f"teleop {software()}",
             "by": by,
             "recordings": [summary_of(row) for row in rows],
             "groups": [asdict(group) for group in groups],

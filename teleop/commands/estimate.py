@@ -46,9 +46,10 @@ class IndenterOptions:
     def tip(self) -> Indenter | None:
         """The tip; None if no elastic modulus is requested."""
         from teleop.errors import InputError
-        from teleop.evaluation.batch.material import Indenter
 
         if self.indenter:
+            from teleop.evaluation.batch.material import Indenter
+
             return Indenter(self.indenter, self.radius, self.angle, self.thickness, self.poisson)
         if any(one is not None for one in (self.radius, self.angle, self.thickness)):
             raise InputError("--radius, --angle and --thickness need --indenter")
@@ -173,7 +174,6 @@ def estimate(
     from teleop.output.console import print_json
     from teleop.output.estimate_tables import print_evaluation
     from teleop.output.result_tables import print_together
-    from teleop.trial.recorded_trial import with_steps
 
     files = (file, *more)
     if more and (out or figures.plot or figures.plot_force):
@@ -200,8 +200,12 @@ def estimate(
             **evaluation.summary(cost),
             **material(evaluation, tip),
             **recorded(evaluation, recording),
+            "steps": [],
         }
-        summary = with_steps(summary, recording, path)
+        if recording:  # a table needs none of the modules of a trial
+            from teleop.trial.recorded_trial import with_steps
+
+            summary = with_steps(summary, recording, path)
         if not json:
             print_evaluation(summary, path.name, details)
         evaluations[str(path)] = evaluation

@@ -1,10 +1,11 @@
-"""`teleop export`: convert a recording to CSV, HDF5, MATLAB or Parquet."""
+"""`teleop export`: convert a recording to CSV, HDF5, MATLAB, Parquet or Motion-BIDS."""
 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Annotated
 
-from teleop.commands.options import Json, OutputFile, Overwrite
+from teleop.commands.options import IN_OUTPUT, Json, OutputFile, Overwrite
 
 
 def export(
@@ -12,10 +13,11 @@ def export(
     /,
     *,
     out: OutputFile = None,
+    bids: Annotated[Path | None, IN_OUTPUT] = None,
     overwrite: Overwrite = False,
     json: Json = False,
 ) -> int:
-    """Convert a recording to CSV, HDF5, MATLAB or Parquet, with full precision of all numbers.
+    """Convert a recording to CSV, HDF5, MATLAB, Parquet or Motion-BIDS, with all digits.
 
     Example: `teleop export trial.mcap --out trial.mat`
 
@@ -27,18 +29,29 @@ def export(
         File to write. The extension .csv, .h5, .mat or .parquet selects the format. Default: the
         name of the recording with the extension .csv. The settings of the run are stored in the
         same file or, for CSV, in a second file NAME.csv-metadata.json. HDF5 and Parquet need
-        `pip install '.[export]'`.
+        `pip install 'telepalpation[export]'`.
+    bids
+        Folder of a data set in the layout Motion-BIDS, to which the recording is added, in place of
+        --out. The folder is created if needed.
     """
+    from teleop.errors import InputError
     from teleop.files import check_outputs
     from teleop.output import console
     from teleop.printable import print_error
+    from teleop.recording.bids import add_to_dataset
     from teleop.recording.export_formats import description_of, export_recording, format_of
     from teleop.recording.gaps import gap_rows, missing_text
 
-    out = out or file.with_suffix(".csv")
-    name = format_of(out)
-    check_outputs(out, description_of(out), sources=(file,), overwrite=overwrite)
-    recording = export_recording(file, out, overwrite)
+    if bids and out:
+        raise InputError("--bids and --out: expected at most one of them")
+    if bids:
+        name = "bids"
+        out, recording = add_to_dataset(file, bids)
+    else:
+        out = out or file.with_suffix(".csv")
+        name = format_of(out)
+        check_outputs(out, description_of(out), sources=(file,), overwrite=overwrite)
+        recording = export_recording(file, out, overwrite)
     if json:
         console.print_json(
             {

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import os
 import socket
 import sys
 from collections.abc import Iterator, Sequence
@@ -92,7 +91,9 @@ class LiveOptions:
 
         It is ended after the `with` block, if it does not serve the live page.
         """
-        if not self.live or os.name != "posix" or find_spec("websockets") is None:
+        from drivers.posix import is_posix
+
+        if not self.live or not is_posix() or find_spec("websockets") is None:
             yield None
             return
         from teleop.streams.child_process import LIVE_PROCESS, ChildProcess
@@ -204,9 +205,10 @@ def free_port(port: int) -> int:
 def check_installed() -> None:
     """Raise InputError if the package that serves the live page is not installed."""
     from teleop.errors import InputError
+    from telepalpation import needs
 
     if find_spec("websockets") is None:
-        raise InputError("the live page needs the package websockets: pip install 'teleop[live]'")
+        raise InputError(needs("the live page", "websockets", "live"))
 
 
 def show_address(url: str, host: str, open_page: bool) -> None:

@@ -126,7 +126,9 @@ class TrialRunner:
                     if record:
                         record.unlink(missing_ok=True)
                     return 0
-            problems = [text for text in (trial.ending, trial.incomplete) if text]
+            problems = [
+                text for text in (trial.ending, trial.incomplete, trial.without_estimates) if text
+            ]
             self._draw(trial, problems)
             self._print(trial, problems)
         if trial.fault:

@@ -45,6 +45,9 @@ def report(
     out
         HTML file to write. Default: the name of the recording with the ending .html.
     """
+    from teleop.files import check_drawing
+
+    check_drawing("a report")
     from teleop.evaluation.evaluate import KEPT, evaluate
     from teleop.evaluation.online.thresholds import FEWEST_SAMPLES
     from teleop.evaluation.reading.samples import is_reported

@@ -40,6 +40,9 @@ def reproduce(
     model
         Model of the environment, for the further estimators that support several models.
     """
+    from teleop.files import check_drawing
+
+    check_drawing("the page of the reproduction")
     from rich.console import Console
     from rich.progress import Progress
 

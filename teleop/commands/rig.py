@@ -10,13 +10,14 @@ from teleop.commands.options import Json
 from teleop.commands.rig_check import check
 from teleop.commands.rig_emulate import emulate
 from teleop.commands.rig_new_driver import new_driver
+from teleop.commands.rig_report import report
 from teleop.commands.rig_tare import tare
 
 rig = App(
     name="rig",
     help=(
-        "Set up a rig: list ports, check or emulate its devices, measure its zero offsets, write "
-        "a driver."
+        "Set up a rig: list ports, check or emulate its devices, measure its zero offsets, report "
+        "about it, write a driver."
     ),
 )
 
@@ -57,5 +58,5 @@ def list_(
     return 0
 
 
-for command in (check, emulate, tare, new_driver):
+for command in (check, report, emulate, tare, new_driver):
     rig.command(command)

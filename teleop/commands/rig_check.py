@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
+from teleop.commands.machine import check_duration
 from teleop.commands.options import Json
 from teleop.commands.quantities import Seconds
 
@@ -14,6 +15,7 @@ def check(
     /,
     *,
     seconds: Seconds = 3.0,
+    duration: Seconds = 60.0,
     move: bool = False,
     yes: bool = False,
     json: Json = False,
@@ -21,9 +23,11 @@ def check(
     """Connect to a rig, show every channel live, and test the watchdogs of its drives.
 
     A channel is a measured quantity. A watchdog stops a drive that receives no commands. If all
-    channels work, the drives are enabled at standstill to test the watchdogs. Nothing moves
-    without --move. The safety supervisor is active, and Enter is an emergency stop. The exit code
-    is 2 if there is a problem, and 3 after a safety stop.
+    channels work, the control loop is measured on this computer while it reads the devices, as with
+    teleop machine check. Then the drives are enabled at standstill to test the watchdogs, and the
+    load of the buses is measured. Nothing moves without --move. The safety supervisor is active,
+    and Enter is an emergency stop. The exit code is 2 if there is a problem, and 3 after a safety
+    stop.
 
     Example: `teleop rig check rigs/serial-board.toml`
 
@@ -33,6 +37,8 @@ def check(
         Rig file (TOML).
     seconds
         Time during which the channels are read [s].
+    duration
+        Time during which the loop is measured [s].
     move
         Also move both drives forward and back, by 0.05 to 0.4 mm at up to 1 mm/s, and compare
         the commanded travel with the travel that the encoders and the velocity channel measure.
@@ -46,63 +52,53 @@ def check(
     from teleop.control.clock import RealClock
     from teleop.errors import InputError, SafetyStop
     from teleop.output.console import print_json
+    from teleop.output.machine_tables import print_machine_check
     from teleop.output.rig_tables import live_channels, print_check
-    from teleop.rig.channel_check import list_problems, listen, round_trips
-    from teleop.rig.drive_check import arming_text, check_drives
+    from teleop.rig.drive_check import arming_text
+    from teleop.rig.whole_check import check_document, check_rig
     from teleop.safety.events import time_text
     from teleop.settings.rig_loading import load_rig_file
-    from teleop.settings.trial_settings import TrialSettings
     from teleop.trial.arming import is_armed
     from teleop.trial.realtime import realtime
-    from teleop.trial.rehearsal import tick_cost
 
-    if not 0.1 <= seconds <= 3600.0:
-        raise InputError(f"seconds {seconds:g}: expected 0.1 to 3600")
+    check_duration("seconds", seconds)
+    check_duration("duration", duration)
     rig_file = load_rig_file(file)
     if move and not is_armed(rig_file, arming_text(rig_file), yes):
         return 130
-    tick_cost(TrialSettings(condition="autonomous"))  # the first ticks of a process are slow
     clock = RealClock(rig_file.sections.rate_hz)
     checked, unstopped = None, ""
     try:
         with realtime("try") as real_time, WiredRig(rig_file, clock.now) as rig:
             real_time.start()
             with live_channels(sys.stderr) as show:
-                channels = listen(
+                checked = check_rig(
                     rig,
                     clock,
                     seconds,
+                    duration,
+                    move,
                     lambda reports: show([channel._asdict() for channel in reports]),
                 )
-            round_trip = dict(round_trips(rig, clock))
-            if not list_problems(channels, []):
-                checked = check_drives(rig, clock, move)
-            rejected = {name: dict(counts) for name, counts in rig.rejected.items()}
     except NotStoppedError as error:
         if not checked:
             raise
         unstopped = str(error)
-    drives = checked.drives if checked else []
-    problems = list_problems(channels, drives)
-    check = {
-        "rig": rig_file.sections.name,
-        "channels": [channel._asdict() for channel in channels],
-        "round_trip_s": round_trip,
-        "drives": [drive._asdict() for drive in drives],
-        "rejected": rejected,
-        "problems": problems,
-    }
+    check = check_document(rig, checked, real_time.report)
     if json:
         print_json(check)
     else:
         print_check(check)
-    if checked and checked.fault:
-        text = f"stopped {time_text(checked.fault['time'])}: {checked.fault['text']}"
+        if check["loop"]:
+            print_machine_check(check["loop"])
+    drives = checked.drives
+    if drives and drives.fault:
+        text = f"stopped {time_text(drives.fault['time'])}: {drives.fault['text']}"
         raise SafetyStop(f"{file}: {'; '.join(filter(None, (text, unstopped)))}")
     if unstopped:
         raise SafetyStop(f"{file}: {unstopped}")
-    if checked and checked.interrupted:
+    if drives and drives.interrupted:
         return 130
-    if problems:
-        raise InputError(f"{file}: {'; '.join(problems)}")
+    if checked.problems:
+        raise InputError(f"{file}: {'; '.join(checked.problems)}")
     return 0

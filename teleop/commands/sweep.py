@@ -130,6 +130,7 @@ def print_end(folder: Path, ended: SweepProgress, json: bool) -> None:
 
     from teleop.output.console import plain_console, print_json
     from teleop.studies.sweep.tables import CSV, PARQUET
+    from telepalpation import needs
 
     files = [str(folder / CSV), *([str(folder / PARQUET)] if ended.parquet else [])]
     if json:
@@ -151,6 +152,4 @@ def print_end(folder: Path, ended: SweepProgress, json: bool) -> None:
         text += f", {ended.stopped} stopped for safety: see the column error"
     plain_console().print(f"{text}\n{' '.join(files)}", soft_wrap=True)
     if not ended.parquet:
-        Console(stderr=True).print(
-            f"{PARQUET} needs pyarrow: pip install '.[sweep]'", soft_wrap=True, markup=False
-        )
+        Console(stderr=True).print(needs(PARQUET, "pyarrow", "sweep"), soft_wrap=True, markup=False)

@@ -56,6 +56,10 @@ class TrialOptions:
     finger in the live page moves the handle of the simulated rig."""
     notes: str | None = None
     """Notes, for the recording."""
+    about: Annotated[tuple[str, ...], Parameter(metavar="NAME=VALUE")] = ()
+    """Statement about the data, for the recording, such as licence=CC-BY-4.0: title, authors
+    (separated by semicolons), institution, material, preparation, calibration, licence, or
+    reference. The section [about] of a configuration file has the same names."""
     duration: Seconds | None = None
     """Duration of the trial [s]. Default: 10."""
     until: str | None = None
@@ -124,6 +128,7 @@ class TrialOptions:
         from teleop.settings.configuration import read_configuration
         from teleop.settings.plug_ins import PARTS, is_rig_file
         from teleop.settings.protocol_files import load_protocol
+        from teleop.settings.provenance import with_statements
         from teleop.settings.rig_loading import load_rig_file
         from teleop.settings.trial_settings import TrialSettings
 
@@ -173,6 +178,7 @@ class TrialOptions:
                 given["force_master"] = parse_values("force master", ForceMaster, self.force_master)
             if self.force_slave:
                 given["force_slave"] = parse_values("force slave", ForceSlave, self.force_slave)
+        given["about"] = with_statements(settings.about, self.about)
         if self.tare:
             given["tare"] = read_tare(self.tare)
         for name in ("config", "frequency", "link", "set"):  # no settings

@@ -7,9 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from drivers import CHANNELS
-from teleop.files import write_text
-from teleop.output.figure_files import save
-from teleop.output.trial_figures import fault_figure
+from teleop.files import check_drawing, write_text
 from teleop.recording.black_box import BEFORE
 from teleop.recording.recording import Recording
 from teleop.recording.timing import RunningTiming
@@ -19,12 +17,18 @@ LISTED = (*CHANNELS, "desired_slave_velocity", "applied_slave_velocity")
 
 
 def write_fault_report(folder: Path, recording: Recording, fault: dict[str, Any]) -> None:
-    """Write the report of a fault that stopped a trial: `cause.txt` and the figure `channels.svg`.
-
-    Existing files are overwritten.
-    """
+    """Write the report of a fault that stopped a trial as text. An existing file is overwritten."""
     write_text(folder / "cause.txt", fault_text(recording, fault), overwrite=True)
-    save(fault_figure(recording, fault), folder / "channels.svg", overwrite=True)
+
+
+def draw_fault_report(folder: Path, recording: Recording, fault: dict[str, Any]) -> None:
+    """Draw the channels of a fault that stopped a trial. An existing file is overwritten."""
+    path = folder / "channels.svg"
+    check_drawing(str(path))
+    from teleop.output.figure_files import save
+    from teleop.output.trial_figures import fault_figure
+
+    save(fault_figure(recording, fault), path, overwrite=True)
 
 
 def fault_text(recording: Recording, fault: dict[str, Any]) -> str:
@@ -54,6 +58,7 @@ def fault_text(recording: Recording, fault: dict[str, Any]) -> str:
             for name in LISTED
             if name in recording.units
         ]
+    lines += ["", f"software  {recording.session.get('software', 'not known')}"]
     stopped = stopping_time(recording, fault)
     lines += ["", "stop", f"  commanded speed zero after {stopped * 1e3:.1f} ms"]
     before = (t > fault["time"] - BEFORE) & (t <= fault["time"])

@@ -12,6 +12,7 @@ from typing import Any
 
 from teleop.errors import InputError
 from teleop.files import write_text
+from teleop.software import software
 
 ENDINGS = (".csv", ".tex", ".md")
 """Endings of the names of table files."""
@@ -123,13 +124,17 @@ def write_table_file(
     tables: Sequence[TextTable],
     overwrite: bool = False,
 ) -> None:
-    """Write results to a CSV file (`tidy` rows), or to LaTeX or Markdown (`tables`)."""
+    """Write results to a CSV file (`tidy` rows), or to LaTeX or Markdown (`tables`).
+
+    The file states the software: CSV in the last column, the others in a comment.
+    """
+    by = f"teleop {software()}"
     if path.suffix.lower() == ".csv":
-        text = csv_text(tidy)
+        text = csv_text([{**row, "software": by} for row in tidy])
     elif path.suffix.lower() == ".tex":
-        text = "\n".join(map(latex_text, tables))
+        text = "\n".join([*map(latex_text, tables), f"% {by}\n"])
     else:
-        text = "\n".join(map(markdown_text, tables))
+        text = "\n".join([*map(markdown_text, tables), f"<!-- {by} -->\n"])
     write_text(path, text, overwrite)
 
 

@@ -11,6 +11,7 @@ from markupsafe import Markup
 from matplotlib.figure import Figure
 
 from teleop.output.figure_files import render
+from teleop.software import software
 
 COLOURS = {
     "#ffffff": "panel",
@@ -45,7 +46,7 @@ def web_page(template: str, package: str = __package__, **values: Any) -> str:
         lstrip_blocks=True,
     )
     environment.filters["themed"] = themed
-    return environment.get_template(template).render(values)
+    return environment.get_template(template).render(values, software=f"teleop {software()}")
 
 
 def svg(figure: Figure) -> Markup:

@@ -18,6 +18,7 @@ from teleop.files import new_file, write_text
 from teleop.json_documents import dumps
 from teleop.recording.recording import load
 from teleop.recording.stream import RecordingStream
+from telepalpation import needs
 
 
 def write_csv(file: BinaryIO, recording: RecordingStream) -> None:
@@ -154,7 +155,7 @@ def blocks(recording: RecordingStream) -> Iterator[dict[str, Floats]]:
 
 def missing(library: str, name: str) -> InputError:
     """Return an error which states that the library of an export format is not installed."""
-    return InputError(f"{name} needs {library}: pip install '.[export]'")
+    return InputError(needs(name, library, "export"))
 
 
 class TableFile:

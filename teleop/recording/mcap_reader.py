@@ -31,6 +31,7 @@ from teleop.recording.mcap_checks import (
     read_event,
 )
 from teleop.recording.mcap_writer import EVENT_SCHEMA, EVENTS, TICKS
+from teleop.recording.schema import check_schema
 from teleop.streams.message import MESSAGE_NAME, TIME
 
 MAGIC = b"\x89MCAP"
@@ -155,6 +156,8 @@ def read_records(file: BinaryIO, contents: Contents) -> Iterator[NDArray[np.uint
                 contents.damage = f"damaged: it contains its {record.name} twice"
             elif isinstance(record, Metadata) and is_valid_metadata(record.metadata):
                 contents.metadata[record.name] = dict(record.metadata)
+                if record.name == "session":
+                    check_schema(Path(file.name), record.metadata)
             elif isinstance(record, Metadata):
                 contents.damage = f"damaged: its {record.name} cannot be read"
     except CRCValidationError as error:

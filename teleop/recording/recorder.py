@@ -1,4 +1,11 @@
-"""Write the ticks and events of a stream to an MCAP file, and show the progress line."""
+"""Write the ticks and events of a stream to an MCAP file, and show the progress line.
+
+In real time, this is a process:
+
+    python -m teleop.recording.recorder
+
+If the control process is killed, it records all ticks that were written.
+"""
 
 from __future__ import annotations
 
@@ -15,8 +22,13 @@ from teleop.live.progress import Cue, Progress, Shown, Status
 from teleop.recording.mcap_writer import McapFile
 from teleop.safety.events import Mode, is_note
 from teleop.streams.message import definition_of, messages_of
+from teleop.streams.reader import Reader, Send, run_reader
 from teleop.streams.stream import Batch, StreamReader
 
+NAP = 0.02
+"""Time between two reads of the stream in real time [s]."""
+LAST_PATIENCE = 0.3
+"""Longest time for which the last ticks wait for their estimates, after the end of a trial [s]."""
 CHECK = 1.0
 """Time between two checks whether the file is still at its path [s]."""
 FLUSH = 0.05
@@ -27,7 +39,7 @@ of records) of the file. For each chunk, 200 bytes stay in memory until the end 
 """
 
 
-class Recorder:
+class Recorder(Reader):
     """Records the stream of a trial, and shows the progress line.
 
     Parameters
@@ -38,6 +50,8 @@ class Recorder:
         `duration` of the trial.
     stream
         Reader of the stream.
+    send
+        Function that sends the first write error to the control process.
 
     Raises
     ------
@@ -45,8 +59,8 @@ class Recorder:
         The file cannot be created.
     """
 
-    def __init__(self, session: Mapping[str, Any], stream: StreamReader) -> None:
-        self._stream = stream
+    def __init__(self, session: Mapping[str, Any], stream: StreamReader, send: Send) -> None:
+        super().__init__(stream, send)
         self._path = session["path"]
         self._file: McapFile | None = None
         if self._path:
@@ -75,24 +89,14 @@ class Recorder:
         self._last: Floats | None = None
         self._estimates: list[Shown] = []
 
-    def begin(self, start: int) -> None:
+    def receive(self, document: dict[str, Any]) -> None:
         """Begin the recording. `start` is the expected time of the first tick, Unix time [ns]."""
         if self._file:
-            self._file.begin(start)
-
-    @property
-    def is_behind(self) -> bool:
-        """Whether there are ticks that were not recorded."""
-        return self._stream.is_behind
-
-    @property
-    def failure(self) -> str:
-        """Text about the first write error; empty if there was none."""
-        return self._file.failure if self._file else ""
+            self._file.begin(document["start"])
 
     def advance(self) -> None:
         """Record the ticks and events that are new since the last call."""
-        while batch := self._stream.read():
+        while batch := self.stream.read():
             self._add(batch)
         if self._file:
             self._monitor(self._file)
@@ -138,6 +142,8 @@ class Recorder:
             self._is_reported = True
             ends = "the trial ends" if file.failure else "the run continues"
             self._progress.report(f"teleop: {self._path}: {problem}: {ends}")
+            if file.failure:
+                self.send({"failure": file.failure})
 
     def finish(self) -> dict[str, Any]:
         """Record the last ticks, close the file, and return the status of the recording.
@@ -146,8 +152,12 @@ class Recorder:
         `ticks` and `dropped` are the numbers of recorded and of missed ticks. A file without a tick
         is removed.
         """
+        self.stream.patience = LAST_PATIENCE
         self.advance()
-        dropped = self._stream.missed
+        while self.stream.is_behind:  # some estimates are not computed yet
+            time.sleep(1e-3)
+            self.advance()
+        dropped = self.stream.missed
         status = {"problem": "", "at_path": True, "ticks": self._ticks, "dropped": dropped}
         if file := self._file:
             file.end(dropped)
@@ -172,7 +182,7 @@ class Recorder:
                 LEVEL_95 * tick[f"{name}_b_std"],
                 tick[f"{name}_misfit"],
             )
-            for name in self._stream.schema.estimators
+            for name in self.stream.schema.estimators
         ]
         without_sample = all(math.isnan(one.k) for one in estimates)
         if not (without_sample and mode is Mode.ACTIVE):
@@ -183,3 +193,7 @@ class Recorder:
             tick["slave_position"],
             None if tick["contact"] == 0.0 else self._estimates,
         )
+
+
+if __name__ == "__main__":
+    run_reader("recorder", Recorder, NAP)

@@ -20,6 +20,7 @@ from teleop.recording.mcap_checks import check_memory
 from teleop.recording.stream import OF_GAPS, RecordingStream
 from teleop.safety import Fault
 from teleop.streams.columns import REGRESSOR, Schema
+from telepalpation import needs
 
 if TYPE_CHECKING:
     import pandas
@@ -126,7 +127,10 @@ class Recording:
         ImportError
             pandas is not installed.
         """
-        import pandas
+        try:
+            import pandas
+        except ImportError as error:
+            raise ImportError(needs("a data frame", "pandas", "notebook")) from error
 
         columns = {name: values for name, values in self.columns.items() if name != "time"}
         return pandas.DataFrame(columns, index=pandas.Index(self["time"], name="time"))

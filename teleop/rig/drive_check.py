@@ -193,6 +193,8 @@ class DrivesReport(NamedTuple):
     """Event of the fault for which the supervisor stopped the check; None if there was no fault."""
     interrupted: bool
     """Whether a person stopped the check."""
+    bus_load: dict[str, float]
+    """Load of each bus while commands were sent, see `BusLoad.loads`."""
 
 
 class DriveCheck(Condition):
@@ -373,4 +375,5 @@ def check_drives(rig: WiredRig, clock: Clock, move: bool) -> DrivesReport:
         )
         for name in drives
     ]
-    return DrivesReport(reports, reported_fault(stream.events), switch.interrupted)
+    fault = reported_fault(stream.events)
+    return DrivesReport(reports, fault, switch.interrupted, tested.load.loads())

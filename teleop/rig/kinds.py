@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import sys
 from collections.abc import Mapping
-from importlib.metadata import version
 from itertools import islice, product
 from typing import Any, NamedTuple
 
@@ -20,6 +19,7 @@ from drivers.device import (
 from drivers.registry import BUILT_IN, GROUP, device_class, kinds, offered
 from drivers.rig_file import BUS_KINDS
 from sim_backend.wire import registry as emulators
+from telepalpation import NAME, __version__
 
 ACCEPTED = {
     VelocityDrive: "velocity",
@@ -59,7 +59,7 @@ def all_kinds() -> list[Kind]:
 
 def described(name: str) -> Kind:
     """Return the properties of a kind of device."""
-    kind = Kind(name, "teleop", version("teleop"))
+    kind = Kind(name, NAME, __version__)
     if name not in BUILT_IN:
         points = tuple(offered(GROUP, tuple(sys.path)).select(name=name))
         dist = points[0].dist

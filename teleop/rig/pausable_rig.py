@@ -9,6 +9,7 @@ from collections.abc import Iterator
 
 from drivers import STANDSTILL, Command, Measurement, Rig
 from drivers.wired_rig import WiredRig
+from teleop.rig.bus_load import BusLoad
 
 
 class PausableRig(Rig):
@@ -24,6 +25,8 @@ class PausableRig(Rig):
         contain the errors of the drives, and the ages of samples that come only with commands."""
         self.applied = STANDSTILL
         """Latest command that the drives have applied."""
+        self.load = BusLoad(rig.buses)
+        """Load of the buses while commands are sent."""
         drives = dict(rig.file.sections.drives.items())
         self._rig = rig
         self._drives = {name: rig.devices[drive.device] for name, drive in drives.items()}
@@ -73,7 +76,10 @@ class PausableRig(Rig):
 
         While the attribute `paused` is True, nothing is sent, and zero velocities are returned.
         """
-        self.applied = STANDSTILL if self.paused else self._rig.write(command)
+        self.applied = STANDSTILL
+        if not self.paused:
+            self.applied = self._rig.write(command)
+            self.load.update()
         return self.applied
 
     def idle(self) -> bool:

@@ -225,6 +225,8 @@ def update_skipped_fraction(state: Supervision, request: Request, dt: float) -> 
 
     The loop skips whole periods if it is late by a period or more.
     """
+    if not (request.skipped or state.skipped_fraction):
+        return 0.0
     fraction = request.skipped / (request.skipped + 1.0)
     weight = min(max(dt, 0.0) / AVERAGING_TIME, 1.0)
     return state.skipped_fraction + (fraction - state.skipped_fraction) * weight

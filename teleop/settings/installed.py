@@ -7,7 +7,7 @@ import sys
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import MISSING
 from functools import partial
-from importlib.metadata import EntryPoint, version
+from importlib.metadata import EntryPoint
 from typing import Any, Literal, NamedTuple, get_args
 
 from drivers.registry import BUILT_IN as DEVICES
@@ -19,6 +19,7 @@ from estimation.registry import METHODS
 from estimation.registry import offered as offered_estimators
 from teleop.errors import InputError
 from teleop.settings.plug_ins import PARTS, PartName, parameters_of, plug_in_class
+from telepalpation import NAME, __version__
 
 ListName = Literal["conditions", "signals", "links", "estimators", "devices", "rigs"]
 LISTS: tuple[ListName, ...] = get_args(ListName)
@@ -45,7 +46,7 @@ def installed(what: ListName) -> list[Installed]:
 
 def own(what: ListName) -> Iterator[Installed]:
     """Yield what this package contains."""
-    ours = f"teleop {version('teleop')}"
+    ours = f"{NAME} {__version__}"
     if what == "estimators":
         for name, factory in ESTIMATORS.items():
             yield Installed(name, ours, first_sentence(getattr(factory, "__self__", factory)))

@@ -73,6 +73,7 @@ from teleop.settings import ranges
 from teleop.settings.checks import check_settings
 from teleop.settings.custom_class import CustomClass, known_condition, known_signal
 from teleop.settings.problems import all_problems
+from teleop.settings.provenance import Provenance
 from teleop.settings.simulated_rig_limits import simulated_rig_limits
 from teleop.settings.transmission_file import calibration, simulated_transmission
 from teleop.settings.values import (
@@ -117,6 +118,8 @@ class TrialSettings:
     """Name of the operator."""
     notes: Annotated[str, Field(max_length=ranges.NOTES), AfterValidator(without_zero)] = ""
     """Notes on the trial."""
+    about: Provenance = field(default_factory=Provenance)
+    """Who measured what, and what others may do with the data."""
     live: bool = False
     """Whether to show the trial on the live page in a browser."""
     duration: Annotated[Seconds, Field(alias="duration_s", gt=0.0)] = 10.0

@@ -10,6 +10,7 @@ import sys
 import threading
 from typing import Any
 
+from drivers.posix import is_posix
 from teleop.errors import InputError, reason
 from teleop.json_documents import dumps, loads
 
@@ -46,7 +47,7 @@ class ChildProcess:
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 bufsize=0,
-                start_new_session=os.name == "posix",
+                start_new_session=is_posix(),
             )
         except OSError as error:
             raise InputError(f"{what}: cannot be started: {reason(error)}") from error
@@ -138,17 +139,18 @@ class ChildProcess:
         with contextlib.suppress(OSError):
             self._input.close()
 
-    def finish(self, timeout: float) -> dict[str, Any] | None:
-        """Let the process end, and return its last message; None if it was killed.
+    def finish(self, timeout: float) -> list[dict[str, Any]]:
+        """Let the process end, and return the rest of its messages.
 
-        A process that does not end in time is killed.
+        The last one has the key `problem`, unless the process was killed. A process that does not
+        end in time is killed.
         """
         self.ask_to_end()
-        last, more = None, self.wait_for_request(timeout)
-        while more is not None:
-            last, more = more, self.wait_for_request(timeout)
+        messages = []
+        while (message := self.wait_for_request(timeout)) is not None:
+            messages.append(message)
         self.end()
-        return last
+        return messages
 
     def end(self) -> None:
         """End the process. If it does not end within `END_TIME`, it is killed.
@@ -165,11 +167,6 @@ class ChildProcess:
             self._process.kill()
             self._process.wait()
         self._thread.join(END_TIME)
-
-    def kill(self) -> None:
-        """Kill the process."""
-        self._process.kill()
-        self._process.wait()
 
     def move_off(self) -> None:
         """Do not permit the process to use the processor on which the control loop runs.

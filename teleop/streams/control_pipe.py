@@ -1,4 +1,4 @@
-"""The side of a reader process: messages of the control process, and the loop of a reader."""
+"""Messages between the control process and a process that reads its stream, in that process."""
 
 from __future__ import annotations
 
@@ -7,10 +7,8 @@ import sys
 import threading
 import time
 from collections import deque
-from collections.abc import Callable
 from typing import Any, Protocol
 
-from teleop.errors import InputError
 from teleop.json_documents import dumps, loads
 
 FAREWELL = 1.0
@@ -27,16 +25,6 @@ class Receiver(Protocol):
 
     def leave(self) -> None:
         """Process the event that the control process has ended."""
-
-
-class Reader(Receiver, Protocol):
-    """Reads a stream in a process of its own."""
-
-    def advance(self) -> None:
-        """Read what is new in the stream."""
-
-    def finish(self) -> dict[str, Any]:
-        """Read the rest of the stream, and return the last message to the control process."""
 
 
 class ControlPipe:
@@ -97,30 +85,3 @@ class ControlPipe:
     def is_over(self) -> bool:
         """Whether the control process ended more than `FAREWELL` seconds ago."""
         return self.ended > 0.0 and time.monotonic() - self.ended > FAREWELL
-
-
-def run_reader(
-    make: Callable[[dict[str, Any], Callable[[dict[str, Any]], None]], Reader], period: float
-) -> None:
-    """Run the reader of a process until the control process closes the pipe, or has ended.
-
-    `make` creates the reader from the description of the session and the function that sends a
-    message to the control process. `period` is the time between two reads of the stream [s]; it is
-    longer after a long read, so that a tenth of the processor remains for other programs.
-    """
-    pipe = ControlPipe()
-    try:
-        session = pipe.read_line()
-        reader = make(session, pipe.send)
-    except EOFError:  # the control process has ended before
-        return
-    except InputError as problem:
-        pipe.send({"problem": str(problem)})
-        return
-    pipe.send({"problem": ""})
-    while not pipe.ended:
-        start = time.monotonic()
-        pipe.receive_into(reader)
-        reader.advance()
-        time.sleep(max(period, (time.monotonic() - start) / 9.0))
-    pipe.send(reader.finish())

@@ -1,26 +1,36 @@
 """Estimate stiffness and damping from the ticks of a stream.
 
 No command to the drives depends on these estimates. Therefore the estimation is a reader of the
-stream: in real time in another process, in virtual time in that of the loop.
+stream: in virtual time in the process of the loop, and in real time in another process,
+
+    python -m teleop.streams.estimation
+
+While this process is delayed, the estimates are late, and the loop is not.
 """
 
 from __future__ import annotations
 
+import base64
+import pickle
 import traceback
-from typing import NamedTuple
+from collections.abc import Mapping
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from estimation import Bank, Conditioner, ExpectedIntervals, Misfit
+from estimation import Bank, Conditioner, ExpectedIntervals, Misfit, Preset
 from estimation.arrays import Floats
+from estimation.compiled import load_compiler
 from estimation.estimate_columns import estimate_arrays, estimate_row
 from teleop.failures import failure
-from teleop.streams.columns import Schema
-from teleop.streams.ring import RingReader, RingWriter
+from teleop.streams.reader import Reader, Send, run_reader
+from teleop.streams.stream import StreamReader
 
 FEW = 30
 """Largest number of samples that are processed one by one. An array has a fixed cost: with all
 estimators 2 ms for an array of 5 samples, and with 200 samples it takes 0.7 of the time."""
+PERIOD = 2e-3
+"""Time between two reads of the stream in real time [s]."""
 BLOCK = 10_000
 """Largest number of ticks that are processed together."""
 
@@ -127,51 +137,65 @@ class Estimation:
         return np.column_stack([*series[:6], *series.estimates])
 
 
-class StreamEstimation:
+class StreamEstimation(Reader):
     """Reads the pairs of the ticks of a stream, and writes the estimates of each tick.
 
     A force sensor can be slower than the control loop. Then only some ticks have a pair of slave
-    position and contact force. The estimates of the other ticks are NaN. After an exception of an
-    estimator, those of all later ticks are NaN, too.
-
-    Attributes
-    ----------
-    failure
-        Text about the exception that an estimator raised, and its traceback; empty if there was
-        none.
-    missed
-        Number of ticks that were overwritten before they were read.
+    position and contact force. The estimates of the other ticks are NaN. The first exception of an
+    estimator is sent as a message, and the estimates of all later ticks are NaN.
     """
 
-    def __init__(
-        self, schema: Schema, ticks: RingReader, estimates: RingWriter, estimation: Estimation
-    ) -> None:
-        self.failure = ("", "")
-        self.missed = 0
-        self._ticks, self._estimates, self._estimation = ticks, estimates, estimation
+    def __init__(self, estimation: Estimation, stream: StreamReader, send: Send) -> None:
+        super().__init__(stream, send)
+        self._estimation, self._estimates = estimation, stream.estimates_writer()
+        self._has_failed = False
+        schema = stream.schema
         names = ("paired_position", "paired_force", "paired_dt")
         self._pair = [1 + schema.loop.index(name) for name in names]
         # without a pair, an estimate is not known, and nothing is held
         self._unknown = [0.0 if name.endswith("_held") else np.nan for name in schema.estimation]
 
-    def advance(self) -> bool:
-        """Process the ticks that are new since the last call; return whether there were any."""
-        position = self._estimates.newest
-        newest = min(self._ticks.newest, max(position, self._ticks.oldest - 1) + BLOCK)
-        if newest == position:
-            return False
-        first, ticks = self._ticks.read(position + 1, newest + 1)
-        self.missed += first - position - 1
-        rows = np.tile(self._unknown, (newest - position, 1))
-        part, force, dt = ticks[:, self._pair].T
+    def advance(self) -> None:
+        """Process the ticks that are new since the last call, at most `BLOCK`."""
+        done, ticks = self._estimates.newest, self.stream.ticks
+        newest = min(ticks.newest, max(done, ticks.oldest - 1) + BLOCK)
+        if newest == done:
+            return
+        first, new = ticks.read(done + 1, newest + 1)
+        self.stream.miss(first - done - 1)
+        rows = np.tile(self._unknown, (newest - done, 1))
+        position, force, dt = new[:, self._pair].T
         paired = np.flatnonzero(~np.isnan(dt))
-        if len(paired) and not self.failure[0]:
+        if len(paired) and not self._has_failed:
             try:
-                values = self._estimation.rows(part[paired], force[paired], dt[paired])
-                rows[first - position - 1 + paired] = values
+                values = self._estimation.rows(position[paired], force[paired], dt[paired])
+                rows[first - done - 1 + paired] = values
             except KeyboardInterrupt:
                 raise
             except BaseException as error:  # an estimator of another package can raise SystemExit
-                self.failure = failure(error)[0], "".join(traceback.format_exception(error))
+                self._has_failed = True
+                trace = "".join(traceback.format_exception(error))
+                self.send({"failure": failure(error)[0], "traceback": trace})
         self._estimates.write(rows)
-        return True
+
+    def finish(self) -> dict[str, Any]:
+        """Compute the estimates of the last ticks."""
+        while self._estimates.newest < self.stream.ticks.newest:
+            self.advance()
+        return super().finish()
+
+
+def session_of(preset: Preset, conditioner: Conditioner) -> dict[str, Any]:
+    """Return the session of a process of the estimation, without the stream."""
+    return {"parts": base64.b85encode(pickle.dumps((preset, conditioner))).decode()}
+
+
+def in_process(session: Mapping[str, Any], stream: StreamReader, send: Send) -> StreamEstimation:
+    """Return the estimation for a process of its own."""
+    preset, conditioner = pickle.loads(base64.b85decode(session["parts"]))
+    load_compiler()  # a long backlog is then processed by compiled code
+    return StreamEstimation(Estimation(conditioner, preset.bank()), stream, send)
+
+
+if __name__ == "__main__":
+    run_reader("estimation", in_process, PERIOD)

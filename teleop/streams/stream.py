@@ -36,7 +36,7 @@ LONGEST_TEXT = 400
 """Largest number of characters in the text of an event."""
 EVENT = np.dtype([("tick", "u8"), ("length", "u8"), ("text", f"V{EVENT_SIZE}")])
 """An event: number of the tick at which it occurred, and its JSON document."""
-READERS = ("recorder", "estimation", "live page", "foxglove", "precision", "python")
+READERS = ("recorder", "estimation", "live page", "foxglove", "evaluation", "python")
 """Readers in other processes. Each has a number of 8 bytes, the ticks that it has missed."""
 PATIENCE = 2.0
 """Longest time for which a reader waits for the estimates of a tick [s]."""
@@ -95,6 +95,7 @@ class Stream:
             raise
         self._ticks = self._writer("ticks")
         self._events = self._writer("events")
+        self._estimates = RingReader(self._memory["estimates"], *self._sections["estimates"])
         self._missed = memoryview(self._memory["missed"]).cast("Q")
         self._write = layout.write
 
@@ -123,7 +124,7 @@ class Stream:
     @property
     def estimated(self) -> int:
         """Number of the newest tick whose estimates were computed."""
-        return self.reader().estimates.newest
+        return self._estimates.newest
 
     @property
     def document(self) -> dict[str, Any]:
@@ -137,10 +138,6 @@ class Stream:
     def reader(self) -> StreamReader:
         """Return a reader in this process."""
         return StreamReader(self.schema, self._memory, self._sections["ticks"][1])
-
-    def estimates_writer(self) -> RingWriter:
-        """Return the writer of the estimates, for an estimation in this process."""
-        return self._writer("estimates")
 
     def _writer(self, name: str) -> RingWriter:
         return RingWriter(self._memory[name], *self._sections[name])
@@ -190,6 +187,7 @@ class StreamReader:
     ) -> None:
         parts = sections(schema, slots)
         self.schema = schema
+        self._memory, self._sections = memory, parts
         self.ticks, self.estimates, self._events = (
             RingReader(memory[part], *parts[part]) for part in ("ticks", "estimates", "events")
         )
@@ -197,7 +195,6 @@ class StreamReader:
         self.patience = PATIENCE
         self._event = 0
         """Number of the newest event that was read."""
-        self._given_up = -1
         """Number of the newest tick with estimates when the estimates were late."""
         self._cell = memoryview(memory["missed"]).cast("Q") if name else None
         self._index = READERS.index(name) if name else 0
@@ -209,8 +206,9 @@ class StreamReader:
     @classmethod
     def open(cls, document: Mapping[str, Any], name: str) -> StreamReader:
         """Open the stream of another process; `name` is one of `READERS`."""
+        written = {"missed", "estimates"} if name == "estimation" else {"missed"}
         memory = {
-            part: SharedFile.open(Path(path), writable=part == "missed").buffer
+            part: SharedFile.open(Path(path), part in written).buffer
             for part, path in document["files"].items()
         }
         return cls(Schema.of(document["schema"]), memory, document["slots"], name)
@@ -227,14 +225,22 @@ class StreamReader:
         first, written, rows = self.rows(before + 1, end)
         self.position = max(before, end - 1)
         if is_after_gap := first > before + 1:
-            self.missed += first - before - 1
-            if self._cell:
-                self._cell[self._index] = self.missed
+            self.miss(first - before - 1)
         rows[:, self._dropped] = np.maximum(rows[:, self._dropped], self.missed)
         events = list(self._new_events())
         if not (len(rows) or events):
             return None
         return Batch(first, written, rows, events, is_after_gap)
+
+    def miss(self, ticks: int) -> None:
+        """Count ticks that were overwritten before they were read."""
+        self.missed += ticks
+        if self._cell:
+            self._cell[self._index] = self.missed
+
+    def estimates_writer(self) -> RingWriter:
+        """Return the writer of the estimates, for the reader that computes them."""
+        return RingWriter(self._memory["estimates"], *self._sections["estimates"])
 
     def rows(self, first: int, end: int) -> tuple[int, Floats, Floats]:
         """Return the ticks from number `first` to `end` - 1 that the ring still contains.
@@ -258,16 +264,15 @@ class StreamReader:
     def _end(self) -> int:
         """Return the number of the newest tick that can be read now.
 
-        A tick is withheld until its estimates are computed, but not longer than `patience`. When
-        the estimates were late, nothing is withheld until further estimates were computed.
+        A tick is withheld until its estimates are computed, but not longer than `patience`. While
+        the estimates are later than that, nothing is withheld.
         """
         newest, done = self.ticks.newest, self.estimates.newest
-        if done >= newest or done == self._given_up:
+        if done >= newest:
             return newest
         _, waiting = self.ticks.read(done + 1, done + 2)
         if len(waiting) and monotonic() - waiting[0, 0] <= self.patience:
             return done
-        self._given_up = done
         return newest
 
     def _new_events(self) -> Iterator[tuple[int, dict[str, Any]]]:

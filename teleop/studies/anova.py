@@ -26,6 +26,7 @@ import numpy as np
 from teleop.errors import InputError
 from teleop.evaluation.across.comparison import SUBJECT, Compared
 from teleop.output.table_files import TextTable
+from telepalpation import needs
 
 ESTIMATOR = "estimator"
 """Name of the factor `estimator`, which varies within a trial."""
@@ -62,9 +63,7 @@ def check_available() -> None:
     try:
         import statsmodels.formula.api  # noqa: F401
     except ImportError as error:
-        raise InputError(
-            "the analysis of variance needs statsmodels: expected pip install 'teleop[stats]'"
-        ) from error
+        raise InputError(needs("the analysis of variance", "statsmodels", "stats")) from error
 
 
 def analysis_of_variance(

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from drivers.input_file import open_input
+from drivers.posix import posix_module
 from teleop.errors import InputError, reason
 from teleop.files import unreadable, unwritable
 from teleop.json_documents import dumps, loads
@@ -86,9 +87,8 @@ def remove_incomplete_line(file: BinaryIO) -> None:
 @contextlib.contextmanager
 def locked(folder: Path) -> Iterator[None]:
     """Lock a folder, so that no other series or sweep runs in it (not on Windows)."""
-    try:
-        import fcntl
-    except ImportError:  # a system without these locks
+    fcntl = posix_module("fcntl")
+    if fcntl is None:
         yield
         return
     with contextlib.ExitStack() as stack:

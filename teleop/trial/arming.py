@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import sys
 
+from drivers.posix import posix_module
 from drivers.rig_file import RigFile
 from teleop.errors import InputError
 from teleop.output.console import terminal_width
@@ -58,11 +59,8 @@ def answer(text: str) -> str | None:
 
 def discard_typed_ahead() -> None:
     """Discard all keys that a person typed in the terminal and that were not read yet."""
-    try:
-        import termios
-    except ImportError:  # a system without these terminals
-        return
-    if is_foreground():
+    termios = posix_module("termios")
+    if termios and is_foreground():
         with contextlib.suppress(termios.error):  # the terminal was closed
             termios.tcflush(sys.stdin, termios.TCIFLUSH)
 

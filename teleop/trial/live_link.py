@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import contextlib
-import os
 from collections.abc import Sequence
 from time import monotonic
 from typing import Any
 
+from drivers.posix import is_posix, needs_posix
 from sim_backend import PointerOperator
 from teleop.errors import InputError, reason
 from teleop.live.cells import PROCESS, SIZE, STOP, CellReader
@@ -53,8 +53,8 @@ class LiveLink:
         foxglove: int | None = None,
         page: ChildProcess | None = None,
     ) -> None:
-        if os.name != "posix":
-            raise InputError("live page: expected Linux or macOS")
+        if not is_posix():
+            raise InputError(needs_posix("live page"))
         self.trials = 0
         self.trial: Trial | None = None
         self.position, self.of = 0, 0

@@ -92,7 +92,7 @@ class Loop:
                 self._leave = self._elapsed + AFTER * self._clock.rate
         if not (self._armed or self._switch.arms):
             self._begin = record.t
-        self._readers.after_tick(record.t)
+        self._readers.after_tick(record)
         self._end = self._end or self._readers.end_reason
         if record.t - self._begin >= self._last or self.controller.finished:
             self._end = self.controller.ending or self._end or END

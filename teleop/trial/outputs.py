@@ -16,6 +16,7 @@ from teleop.recording.recording_file import RecordingFile, recorded_ticks
 from teleop.settings.trial_settings import TrialSettings
 from teleop.streams.columns import Layout
 from teleop.streams.stream import STORED, Stream
+from teleop.trial.loop_verdict import LoopVerdict
 from teleop.trial.metadata import session_metadata
 from teleop.trial.readers import Outcome, Readers, ReadersInLoop, ReadersInProcesses
 from teleop.trial.stop_switch import StopSwitch
@@ -43,9 +44,10 @@ class Outputs:
         overwrite: bool,
         show: bool,
         viewers: Sequence[Viewer] = (),
+        checked: LoopVerdict | None = None,
     ) -> None:
         self._record = record
-        self._metadata = session_metadata(settings)
+        self._metadata = session_metadata(settings, checked)
         self._start = 0
         self._before = round((BEFORE + AFTER) * settings.loop_rate) + 1
         self._viewers = viewers
@@ -122,7 +124,7 @@ class Outputs:
         """Write the ticks around a fault, and its report, to a folder beside the recording."""
         if not (self._record and self.fault):
             return
-        from teleop.output.fault_report import write_fault_report  # matplotlib: after the loop
+        from teleop.output.fault_report import draw_fault_report, write_fault_report
 
         folder = self._record.with_suffix(FAULT_REPORT)
         kept = self._kept(self.stream.newest + 1 - self._before)
@@ -135,6 +137,7 @@ class Outputs:
             write_black_box(folder / "ticks.mcap", columns, kept, self._metadata, self._start)
             write_fault_report(folder, kept, self.fault)
             self.black_box = folder
+            draw_fault_report(folder, kept, self.fault)
         except InputError as problem:
             self.black_box_problem = f"black box: {problem}"
 

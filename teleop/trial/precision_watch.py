@@ -66,8 +66,7 @@ class PrecisionWatch:
         """Add the columns of the next ticks, before which ticks can be missing."""
         if is_after_gap:
             self._gap_ends.append(float(columns["time"][0]))
-        # the estimates can be computed later than this: x is known when there is a pair
-        self._sections.add(measured({**columns, "x": columns["paired_dt"]}))
+        self._sections.add(measured(columns))
 
     def is_due(self, t: float) -> bool:
         """Return whether the record must be evaluated at the time t [s] of the trial."""

@@ -7,26 +7,34 @@ loop.
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from estimation import Bank
+from teleop.control.tick_record import Record
 from teleop.errors import InputError
 from teleop.recording.recorder import Recorder
-from teleop.safety import Event
-from teleop.safety.events import ACTIVE
+from teleop.safety import Event, Mode
 from teleop.settings.trial_settings import TrialSettings
 from teleop.streams.child_process import ChildProcess
-from teleop.streams.estimation import BLOCK, Estimation, StreamEstimation
-from teleop.streams.estimation_process import session_of
+from teleop.streams.estimation import BLOCK, Estimation, StreamEstimation, session_of
 from teleop.streams.stream import Stream
 from teleop.trial.precision import SOURCE as PRECISION
-from teleop.trial.precision import PrecisionReader
+from teleop.trial.precision import Precision
 
 ESTIMATION = "estimation"
 """Source of the events about a failure of the estimation."""
-CHECK = 100
-"""Number of ticks between two checks whether the other processes run."""
+MODULES = {
+    ESTIMATION: "teleop.streams.estimation",
+    "recorder": "teleop.recording.recorder",
+    "evaluation": "teleop.trial.precision",
+}
+"""Modules of the processes."""
+CHECK = 0.1
+"""Time between two checks whether the other processes run [s]."""
 LATE = 1.0
 """Delay of the estimates above which an event states it [s]."""
 CLOSING = 20.0
@@ -69,8 +77,8 @@ class Readers:
     def begin(self, start: int) -> None:
         """Begin to read. `start` is the expected time of the first tick, Unix time [ns]."""
 
-    def after_tick(self, t: float) -> None:
-        """Let the readers read, or check that they do. The latest tick is at t [s]."""
+    def after_tick(self, record: Record) -> None:
+        """Let the readers read, or check that they do."""
 
     def close(self) -> Outcome:
         """Let all readers read the rest of the stream, and end them."""
@@ -80,24 +88,33 @@ class Readers:
 class ReadersOfTrial(Readers):
     """What the readers of a trial have in common, wherever they run."""
 
-    def __init__(self, stream: Stream, settings: TrialSettings) -> None:
+    def __init__(self, stream: Stream, settings: TrialSettings, path: str | None) -> None:
         super().__init__()
         self._stream = stream
         self._until = settings.until
+        self._path = path
+        self._time, self._mode = 0.0, Mode.IDLE
+        """Time [s] and mode of the latest tick that was looked at."""
 
-    def _fail(self, t: float, text: str, trace: str = "") -> None:
-        """State once that there are no estimates from now on."""
-        if not self.failure:
-            self.failure, self.traceback = text, trace
-            note = f"no further estimates: {text}"
-            self._stream.event(Event(t, ACTIVE, note, source=ESTIMATION))
+    def _receive(self, name: str, message: Mapping[str, Any] | None) -> None:
+        """Process a message of a reader; None if its process has ended."""
+        message = message or {"failure": f"the {name} was killed", "traceback": ""}
+        if "failure" not in message:
+            assert self._until
+            text = message["text"]
+            self._note(PRECISION, f"{self._until.text}: {text}")
+            if message["is_reached"]:
+                self.end_reason = text
+        elif name == "recorder":
+            self.end_reason = self.end_reason or f"{self._path or name}: {message['failure']}"
+        elif name == ESTIMATION:
+            self.failure, self.traceback = message["failure"], message["traceback"]
+            self._note(ESTIMATION, f"no further estimates: {self.failure}")
+        else:  # the trial then has its full duration
+            self._note(PRECISION, f"no longer evaluated: {message['failure']}")
 
-    def _state(self, t: float, text: str, is_reached: bool) -> None:
-        """State the precision of the result so far, and end the trial if it is as wanted."""
-        assert self._until
-        self._stream.event(Event(t, ACTIVE, f"{self._until.text}: {text}", source=PRECISION))
-        if is_reached:
-            self.end_reason = text
+    def _note(self, source: str, text: str) -> None:
+        self._stream.event(Event(self._time, self._mode, text, source=source))
 
 
 class ReadersInLoop(ReadersOfTrial):
@@ -108,56 +125,45 @@ class ReadersInLoop(ReadersOfTrial):
         stream: Stream,
         settings: TrialSettings,
         bank: Bank,
-        recording: dict[str, Any] | None = None,
-        precision: dict[str, Any] | None = None,
+        recording: Mapping[str, Any] | None = None,
+        precision: Mapping[str, Any] | None = None,
     ) -> None:
-        super().__init__(stream, settings)
-        reader = stream.reader()
+        super().__init__(stream, settings, recording["path"] if recording else None)
+        estimation = Estimation(settings.make_conditioner(), bank)
         self._estimation = StreamEstimation(
-            stream.schema,
-            reader.ticks,
-            stream.estimates_writer(),
-            Estimation(settings.make_conditioner(), bank),
+            estimation, stream.reader(), partial(self._receive, ESTIMATION)
         )
-        self._recorder = Recorder(recording, reader) if recording else None
-        self._path = recording["path"] if recording else None
-        self._precision = PrecisionReader(precision, stream.reader()) if precision else None
+        send = partial(self._receive, "recorder")
+        self._recorder = Recorder(recording, stream.reader(), send) if recording else None
+        send = partial(self._receive, "evaluation")
+        self._precision = Precision(precision, stream.reader(), send) if precision else None
         self._due = 0
-        self._time = 0.0
-        """Time of the latest tick [s]."""
 
     def begin(self, start: int) -> None:
         """Begin the recording."""
         if self._recorder:
-            self._recorder.begin(start)
+            self._recorder.receive({"start": start})
 
-    def after_tick(self, t: float) -> None:
+    def after_tick(self, record: Record) -> None:
         """Let the readers read if there is a block of new ticks, or an evaluation is due."""
-        self._time = t
-        precision = self._precision
-        if precision and precision.is_due(t) and (finding := precision.evaluate()):
-            self._state(t, *finding)
+        self._time, self._mode = record.t, record.mode
+        if self._precision and self._precision.is_due(record.t):
+            self._precision.advance()
         if self._stream.newest >= self._due:
             self._due = self._stream.newest + BLOCK
-            self._advance()
-
-    def _advance(self) -> None:
-        while self._estimation.advance():
-            pass
-        if self._estimation.failure[0]:
-            self._fail(self._time, *self._estimation.failure)
-        if self._recorder:
-            self._recorder.advance()
+            self._estimation.advance()
+            if self._recorder:
+                self._recorder.advance()
 
     def close(self) -> Outcome:
         """Let the readers read the last ticks."""
-        status: dict[str, Any] = {"problem": ""}
+        status = None
         try:
-            self._advance()
+            self._estimation.finish()
         finally:
             if self._recorder:
                 status = self._recorder.finish()
-        return outcome_of(self._path, status)
+        return outcome_of(self._path, status) if status else Outcome()
 
 
 class ReadersInProcesses(ReadersOfTrial):
@@ -167,32 +173,32 @@ class ReadersInProcesses(ReadersOfTrial):
         self,
         stream: Stream,
         settings: TrialSettings,
-        recording: dict[str, Any] | None,
-        precision: dict[str, Any] | None,
+        recording: Mapping[str, Any] | None,
+        precision: Mapping[str, Any] | None,
     ) -> None:
-        super().__init__(stream, settings)
-        self._rate = settings.loop_rate
-        self._path = recording["path"] if recording else None
-        self._ticks = 0
+        super().__init__(stream, settings, recording["path"] if recording else None)
+        self._late = LATE * settings.loop_rate
+        self._ticks, self._every = 0, math.ceil(CHECK * settings.loop_rate)
         self._is_late = False
-        self._processes: dict[str, ChildProcess] = {}
+        self._ended: set[str] = set()
+        """Names of the processes that have ended during the trial."""
         preset, conditioner = settings.estimation_preset, settings.make_conditioner()
-        self._sessions = {"estimation": session_of(preset, conditioner)}
-        modules = {"estimation": "teleop.streams.estimation_process"}
-        if recording:
-            modules["recorder"] = "teleop.recording.recorder_process"
-            self._sessions["recorder"] = recording
-        if precision:
-            modules["precision"] = "teleop.trial.precision_process"
-            self._sessions["precision"] = precision
-        names = {"recorder": f"{self._path or 'progress line'}: recording failed"}
+        sessions = {
+            ESTIMATION: session_of(preset, conditioner),
+            "recorder": recording,
+            "evaluation": precision,
+        }
+        self._sessions = {name: session for name, session in sessions.items() if session}
+        self._processes: dict[str, ChildProcess] = {}
+        recorder = f"{self._path or 'progress line'}: recording failed"
         try:
-            for name, module in modules.items():
-                self._processes[name] = ChildProcess(module, names.get(name, name))
+            for name in self._sessions:
+                what = recorder if name == "recorder" else name
+                self._processes[name] = ChildProcess(MODULES[name], what)
         except InputError:
             self._end()
             raise
-        self.estimation_pid = self._processes["estimation"].pid
+        self.estimation_pid = self._processes[ESTIMATION].pid
 
     def begin(self, start: int) -> None:
         """Wait until all processes are ready, so that their start does not delay the loop."""
@@ -202,52 +208,50 @@ class ReadersInProcesses(ReadersOfTrial):
         if recorder := self._processes.get("recorder"):
             recorder.tell({"start": start})
 
-    def after_tick(self, t: float) -> None:
-        """Look for messages of the processes, and whether they run, once per `CHECK` ticks."""
+    def after_tick(self, record: Record) -> None:
+        """Look for messages of the processes, and whether they run, once per `CHECK` seconds."""
         self._ticks += 1
-        if self._ticks % CHECK:
+        if self._ticks % self._every:
             return
-        processes = self._processes
-        for name in ("recorder", "precision"):
-            if name in processes and processes[name].has_message:
-                answer = processes[name].wait_for_request(0.0)
-                if name == "precision" and answer:
-                    self._state(t, answer["text"], answer["is_reached"])
-                elif not self.end_reason:
-                    cause = answer["failure"] if answer else f"the {name} was killed"
-                    self.end_reason = f"{self._sessions[name].get('path') or name}: {cause}"
-        self._check_estimation(t)
-
-    def _check_estimation(self, t: float) -> None:
-        process = self._processes["estimation"]
-        if not self.failure and process.has_message:
-            answer = process.wait_for_request(0.0)
-            failed = (answer["failure"], answer["traceback"]) if answer else ("it was killed",)
-            self._fail(t, *failed)
-        is_late = self._stream.newest - self._stream.estimated > LATE * self._rate
-        if is_late and not (self._is_late or self.failure):
-            text = f"the estimates are more than {LATE:g} s late"
-            self._stream.event(Event(t, ACTIVE, text, source=ESTIMATION))
-        self._is_late = is_late
+        self._time, self._mode = record.t, record.mode
+        for name, process in self._processes.items():
+            if process.has_message and name not in self._ended:
+                message = process.wait_for_request(0.0)
+                if message is None:
+                    self._ended.add(name)
+                self._receive(name, message)
+        was_late = self._is_late
+        self._is_late = self._stream.newest - self._stream.estimated > self._late
+        if self._is_late and not (was_late or self.failure):
+            self._note(ESTIMATION, f"the estimates are more than {LATE:g} s late")
 
     def close(self) -> Outcome:
         """Wait until the processes have read the last ticks, the estimation first."""
         try:
-            recorder = self._processes.get("recorder")
-            self._processes["estimation"].finish(CLOSING)
-            if not recorder:
+            self._last_message(ESTIMATION)
+            if "recorder" not in self._processes:
                 return Outcome()
-            status = recorder.finish(CLOSING)
-            return outcome_of(self._path, status or {"problem": "the recorder was killed"})
+            status = self._last_message("recorder") or {"problem": "the recorder was killed"}
+            return outcome_of(self._path, status)
         finally:
             self._end()
+
+    def _last_message(self, name: str) -> Mapping[str, Any] | None:
+        """Wait for the end of a process; return its last message, or None if it was killed."""
+        messages = self._processes[name].finish(CLOSING)
+        last = messages.pop() if messages and "problem" in messages[-1] else None
+        for message in messages:
+            self._receive(name, message)
+        if last is None and name not in self._ended:
+            self._receive(name, None)
+        return last
 
     def _end(self) -> None:
         for process in self._processes.values():
             process.end()
 
 
-def outcome_of(path: str | None, status: dict[str, Any]) -> Outcome:
+def outcome_of(path: str | None, status: Mapping[str, Any]) -> Outcome:
     """Return the result of a recording from the last message of the recorder."""
     file = Path(path) if path else None
     dropped, at_path = status.get("dropped", 0), status.get("at_path", True)

@@ -66,7 +66,7 @@ class RecordedRequests(NoPage):
 
     def __init__(self, recording: Recording) -> None:
         self._ticks = zip(recording["time"].tolist(), recording["mode"].tolist(), strict=True)
-        events = (e for e in recording.events if not is_note(e["fault"], e["source"]))
+        events = (e for e in recording.events if not is_note(e["fault"], e.get("source", "")))
         self._events = {event["time"]: event for event in events}
 
     def read(self) -> None:

@@ -22,6 +22,7 @@ from teleop.recording.two_stations import connection_summary
 from teleop.safety import Mode
 from teleop.safety.events import EXCITATION, Fault, time_text
 from teleop.settings.trial_settings import TrialSettings
+from teleop.software import software
 from teleop.streams.columns import OBSERVED
 from teleop.trial.metadata import estimated_channels
 from teleop.trial.precision import SOURCE as PRECISION
@@ -189,6 +190,15 @@ class Trial(Presented):
         return next((e for e in self.ticks.events if e["mode"] == "active"), None)
 
     @property
+    def without_estimates(self) -> str:
+        """Text that states why estimates are missing, and what computes them; else empty."""
+        if not self.estimation_failure:
+            return ""
+        path = self.outcome.path
+        where = f"teleop estimate {path}" if path else "teleop estimate, from a recording,"
+        return f"the estimates are not complete: {self.estimation_failure}; {where} computes them"
+
+    @property
     def incomplete(self) -> str:
         """Text that states which data are missing in the files of the trial; empty if none are."""
         path, dropped, problem, _ = self.outcome
@@ -200,11 +210,6 @@ class Trial(Presented):
             problems.append(f"{path}: {missing}")
         if self.black_box_problem:
             problems.append(self.black_box_problem)
-        if self.estimation_failure:
-            where = f"teleop estimate {path}" if path else "teleop estimate, from a recording,"
-            problems.append(
-                f"the estimates are not complete: {self.estimation_failure}; {where} computes them"
-            )
         return "; ".join(problems)
 
     def plot(
@@ -370,6 +375,7 @@ class Trial(Presented):
             "operator": settings.operator,
             "notes": settings.notes,
             "rig": settings.rig_name,
+            "software": f"teleop {software()}",
             "hand_force": settings.hand_force_source,
             "observer": self.observer(),
             "estimated_channels": list(estimated_channels(settings)),

@@ -12,8 +12,9 @@ from sim_backend import SimulatedRig
 from teleop.control.conditions import Condition
 from teleop.errors import InputError
 from teleop.names import RealtimeName
+from teleop.printable import print_error
 from teleop.settings.custom_class import described, with_averaged
-from teleop.settings.ranges import MOST_TICKS_IN_MEMORY
+from teleop.settings.ranges import MOST_TICKS_IN_MEMORY, RATE
 from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.arming import check_stated
 from teleop.trial.assembly import (
@@ -51,6 +52,9 @@ def run_trial(
     station: Waiting | None = None,
 ) -> Trial:
     """Run a trial until its end, a fault, or Ctrl-C. Then disable the drives; return the result.
+
+    Before a trial in real time, the loop is measured on this computer, see `check_rate`. If its
+    rate is higher than usual, the verdict is printed on standard error.
 
     Parameters
     ----------
@@ -138,17 +142,19 @@ def run_trial(
     check_armed(settings, rig, arm, live)
     bank = settings.estimation_preset.bank()
     layout = make_layout(settings, bank, pointer)
+    checked = check_rate(settings, real) if settings.clock == "real" else None
+    if checked and settings.loop_rate > RATE:
+        print_error(checked.text)
     shown_by = (*([live] if live else []), *viewers)
-    outputs = Outputs(settings, layout, bank, switch, record, overwrite, show, shown_by)
+    outputs = Outputs(settings, layout, bank, switch, record, overwrite, show, shown_by, checked)
     loop = None
     try:
-        cost = check_rate(settings) if settings.clock == "real" else 0.0
         outputs.begin(time.time_ns() + round((settings.limits.preflight + clock.period) * 1e9))
         rejected: dict[str, dict[str, int]] = {}
         try:
             with switch.reading_keys(), realtime(real) as applied, rig:
                 if settings.rig:
-                    check_wire(rig, clock, cost)
+                    check_wire(rig, clock, checked.cost if checked else 0.0)
                 session = station.begin(clock) if station else None
                 controller = make_controller(settings, rig, clock, condition, session)
                 if session:

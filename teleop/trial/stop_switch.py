@@ -9,10 +9,10 @@ import select
 import signal
 import sys
 import threading
-from importlib.util import find_spec
 from types import FrameType
 from typing import Any, Self
 
+from drivers.posix import posix_module
 from teleop.interruption import Interruption
 from teleop.safety import Fault, Request
 from teleop.safety.channels import DetectedFault
@@ -60,8 +60,8 @@ class StopKey:
     def __enter__(self) -> Self:
         if self.missing:
             return self
-        import termios
-
+        termios = posix_module("termios")
+        assert termios
         self._descriptor = sys.stdin.fileno()
         with contextlib.ExitStack() as undo:
             handlers: dict[signal.Signals, Any] = {
@@ -95,8 +95,8 @@ class StopKey:
 
     def _set_key_mode(self) -> None:
         """Set the terminal to pass each key to the process immediately, without showing the key."""
-        import termios
-
+        termios = posix_module("termios")
+        assert termios
         before = termios.tcgetattr(self._descriptor)
         modes = [*before[:6], [*before[6]]]
         modes[3] &= ~(termios.ICANON | termios.ECHO)
@@ -105,9 +105,8 @@ class StopKey:
         self._before = self._before or before
 
     def _restore_modes(self) -> None:
-        import termios
-
-        if self._before:
+        termios = posix_module("termios")
+        if termios and self._before:
             with contextlib.suppress(termios.error):
                 termios.tcsetattr(self._descriptor, termios.TCSANOW, self._before)
         self._before = None
@@ -166,7 +165,7 @@ class StopKey:
 
 def unavailable() -> str:
     """Return the reason why the emergency-stop key cannot be used; empty if it can be used."""
-    if find_spec("termios") is None:
+    if posix_module("termios") is None:
         return "not available on this system"
     if not is_foreground():
         return "standard input is not a terminal of this process"

@@ -38,12 +38,11 @@ class TrialStatistics:
     ticks
         Number of ticks at which the safety supervisor was in the mode active or stopping.
     pairs
-        Number of ticks at which the estimators were updated.
+        Number of ticks with a pair of slave position and contact force, for the estimators.
     end
-        Time of the last tick at which the estimators were updated [s]; NaN if there was none.
+        Time of the last tick with such a pair [s]; NaN if there was none.
     depth
-        Greatest magnitude of the slave position at the ticks at which the estimators were updated
-        [m].
+        Greatest magnitude of the slave position at the ticks with such a pair [m].
     contact_time
         Time in the averaged part during which the slave touched the specimen [s].
     limited
@@ -80,12 +79,13 @@ class TrialStatistics:
             self.limited[name] += int(((flags & flag) > 0).sum())
         if self._rendering:
             self._rendering.add(block.where(block["mode"] == ACTIVE))
+        paired = block.where(~np.isnan(block["paired_dt"]))
+        self.pairs += len(paired)
+        if len(paired):
+            self.end = float(paired["time"][-1])
+        self.depth = float(np.max(np.abs(paired["slave_position"]), initial=self.depth))
         estimated = block.estimated()
         t, regression = estimated["time"], estimated.regression()
-        self.pairs += len(t)
-        if len(t):
-            self.end = float(t[-1])
-        self.depth = float(np.max(np.abs(estimated["slave_position"]), initial=self.depth))
         self._averages.begin(t, regression, (estimated["k_bound"], estimated["b_bound"]))
         for name, estimates in estimated.estimates().items():
             self._averages.add(name, estimates, estimated.misfit(name))

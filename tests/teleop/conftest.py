@@ -27,8 +27,7 @@ def refused(capsys):
 @pytest.fixture
 def undrawn(monkeypatch):
     """Leave the figure out of the reports of faults: `test_black_box.py` tests it."""
-    monkeypatch.setattr("teleop.output.fault_report.save", lambda *arguments, **options: None)
-    monkeypatch.setattr("teleop.output.fault_report.fault_figure", lambda *arguments: None)
+    monkeypatch.setattr("teleop.output.fault_report.draw_fault_report", lambda *arguments: None)
 
 
 @pytest.fixture

@@ -6,13 +6,13 @@ import os
 import re
 import subprocess
 import sys
-from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from teleop.cli import app, main
+from telepalpation import __version__
 
 RUN = ["run", "--clock", "virtual", "--duration", "0.5", "--no-record"]
 SLOW = ("--rate", "100")
@@ -270,7 +270,7 @@ def test_a_script_completes_commands_and_options_in_a_shell():
 
 def test_version_is_the_packages(capsys):
     assert main(["--version"]) == 0
-    assert capsys.readouterr().out.startswith(version("teleop"))
+    assert capsys.readouterr().out.startswith(__version__)
 
 
 def test_help_imports_nothing_heavy():
@@ -278,6 +278,22 @@ def test_help_imports_nothing_heavy():
         "import sys; from teleop.cli import app, main; main(['--help'])\n"
         "heavy = {'numpy', 'scipy', 'matplotlib', 'numba', 'can', 'serial'} & set(sys.modules)\n"
         "sys.exit(', '.join(heavy) or 0)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_the_estimation_of_a_table_imports_nothing_of_a_trial(tmp_path):
+    t = np.arange(400) / 100.0
+    x = 5e-3 - 4e-3 * np.cos(2.0 * np.pi * t)
+    table = np.column_stack([t, 1e3 * x, 2000.0 * x])
+    header = "time [s],position [mm],force [N]"
+    file = tmp_path / "table.csv"
+    np.savetxt(file, table, delimiter=",", header=header, comments="")
+    code = (
+        f"import sys; from teleop.cli import main; main(['estimate', {str(file)!r}])\n"
+        "of_trials = {'sim_backend', 'pydantic', 'teleop.settings', 'teleop.control'}\n"
+        "sys.exit(', '.join(of_trials & set(sys.modules)) or 0)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert (done.returncode, done.stderr) == (0, "")

@@ -5,12 +5,12 @@ from __future__ import annotations
 import subprocess
 import sys
 import zipfile
-from importlib.metadata import version
 from pathlib import Path
 
 import pytest
 
 from teleop import software
+from telepalpation import __version__
 
 TOP = Path(__file__).parents[2]
 
@@ -50,17 +50,21 @@ def test_a_folder_within_a_checkout_has_no_commit_of_its_own(checkout):
 def test_without_git_and_commit_the_version_is_all(monkeypatch, tmp_path):
     monkeypatch.setattr(software, "PACKAGE", tmp_path / "teleop")
     monkeypatch.setattr(software, "BUILT_FROM", tmp_path / "commit.txt")
-    assert software.software.__wrapped__() == version("teleop")
+    assert software.software.__wrapped__() == __version__
     (tmp_path / "commit.txt").write_text("0123abcd\n")
-    assert software.software.__wrapped__() == f"{version('teleop')} (commit 0123abcd)"
+    assert software.software.__wrapped__() == f"{__version__} (commit 0123abcd)"
     (tmp_path / ".git").mkdir()
     monkeypatch.setenv("PATH", "")
-    assert software.software.__wrapped__() == f"{version('teleop')} (commit 0123abcd)"
+    assert software.software.__wrapped__() == f"{__version__} (commit 0123abcd)"
 
 
 def test_a_wheel_of_a_checkout_contains_its_commit(checkout):
     for name in ("setup.py", "pyproject.toml", "README.md", "LICENSE"):
         (checkout / name).write_bytes((TOP / name).read_bytes())
+    (checkout / "telepalpation").mkdir()
+    (checkout / "telepalpation" / "__init__.py").write_bytes(
+        (TOP / "telepalpation" / "__init__.py").read_bytes()
+    )
     package = checkout / "teleop"
     package.mkdir()
     (package / "__init__.py").touch()

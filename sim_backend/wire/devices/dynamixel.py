@@ -73,7 +73,9 @@ class EmulatedDynamixel(EmulatedSerialDevice):
         self._watch(now)
         self._fed = now
         parameters = body[1:].replace(b"\xff\xff\xfd\xfd", b"\xff\xff\xfd")
-        if body[0] == 0x02:
+        if body[0] == 0x01:
+            self._answer(0, bytes((*self.table[0:2], self.table[6])))
+        elif body[0] == 0x02:
             address, length = unpack_from("<HH", parameters)
             self._measure()
             self._answer(0, bytes(self.table[address : address + length]))

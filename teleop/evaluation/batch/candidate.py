@@ -312,14 +312,15 @@ def fit_candidate(
     elastic_effect[first : first + degree] = s**powers
     elastic_effect = with_knots(elastic_effect, s)
     k_effect = gradient + curvature / (k or 1e-300) * (force_effect - elastic_effect)
+    # behind a compliance, b is that of specimen and compliance in series (`rows.velocity`)
     b_effect = np.zeros(m)
-    b_effect[rows.v_column] = 1.0
+    b_effect[rows.v_column] = 1.0 - rows.compliance * k
     if sine:
         k_effect = storage
         b_effect[own] = response
         k, path_error = float(k_effect @ theta), 0.0
     orders = np.arange(1, depth_damping.stop - depth_damping.start + 1)
-    b_effect[depth_damping] = s**orders
+    b_effect[depth_damping] = b_effect[rows.v_column] * s**orders
 
     # The ends of the force range have errors that the fit does not contain: noise and resolution of
     # the position at the highest force, and the noise of the force out of contact.
@@ -370,8 +371,9 @@ def fit_candidate(
         elif one.kind == DEPTH_DAMPING:
             damping = []
             for place_at in (-1.0, 0.0, 1.0):
-                at_place = b_effect.copy()
-                at_place[depth_damping] = place_at**orders
+                at_place = np.zeros(m)
+                at_place[rows.v_column] = 1.0 - rows.compliance * float(slope_at(place_at) @ theta)
+                at_place[depth_damping] = at_place[rows.v_column] * place_at**orders
                 damping.append(value(at_place))
             parts.append(FittedPart(DEPTH_DAMPING, tuple(damping)))
         else:

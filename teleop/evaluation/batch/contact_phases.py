@@ -346,18 +346,19 @@ def clipped(record: SmoothedRecord) -> bool:
     large values: the maximum must be repeated for longer.
     """
     f, x = record.raw_f, record.raw_x
-    large = f > 0.5 * (f.max() + f.min())
-    bounds = [0, *(np.flatnonzero(np.diff(f)) + 1), len(f)]
-    held = [b - a for a, b in pairwise(bounds) if large[a] and f[a] < f.max()]
-    usual = float(np.quantile(held, 0.95)) if held else 0.0
+    highest = float(f.max())
+    begins = np.concatenate([[0], np.flatnonzero(np.diff(f)) + 1])
+    value, length = f[begins], np.diff(begins, append=len(f))
+    held = length[(value > 0.5 * (highest + f.min())) & (value < highest)]
+    usual = float(np.quantile(held, 0.95)) if len(held) else 0.0
     count = smallest_step(f)
     least = FREE_TRAVEL * count * float(np.std(record.palpation)) / max(float(np.std(f)), 1e-300)
     least = max(least, 20.0 * record.x_noise)
     at_rest = 0
-    for start, end in runs(f == f.max()):
+    for start, end in runs(f == highest):
         longer = end - start >= max(SHORTEST_CLIPPING, CLIPPING_LENGTH * usual)
         if longer and continued(x, start, end, True) > least:
             around = np.concatenate([f[max(0, 2 * start - end) : start], f[end : 2 * end - start]])
-            if len(around) and f.max() - around.min() > 0.02 * np.ptp(f):
+            if len(around) and highest - around.min() > 0.02 * np.ptp(f):
                 at_rest += end - start
     return at_rest >= FEWEST_CLIPPED

@@ -226,7 +226,7 @@ class Screening:
         self.rows = rows
         self.places: dict[str, list[tuple[tuple[float, ...], NDArray[np.intp]]]] = {}
         index = rows.index
-        columns = [rows.record.v[index], *rows.powers, *(z[index] for z in best.relaxing)]
+        columns = [rows.velocity[index], *rows.powers, *(z[index] for z in best.relaxing)]
         self.relaxing = {id(z): i for i, z in enumerate(best.relaxing, 1 + len(DEGREES))}
         self.extended = len(columns)
         columns += [c for one in best.extensions for c in one.columns]
@@ -284,7 +284,7 @@ class Screening:
     def solution(self, chosen: NDArray[np.intp]) -> tuple[float, Floats]:
         """Return the sum of squares of the residual with the chosen columns, and coefficients."""
         g = self.along[chosen]
-        theta = np.linalg.lstsq(self.products[np.ix_(chosen, chosen)], g, rcond=1e-12)[0]
+        theta = np.linalg.lstsq(self.products[chosen[:, None], chosen], g, rcond=1e-12)[0]
         return self.power - float(g @ theta), theta / self.size[chosen]
 
 
@@ -312,7 +312,7 @@ Choices = list[tuple[tuple[float, ...], list[int]]]
 def approximate_columns(rows: RegressionRows, kind: str) -> tuple[Choices, list[Floats]]:
     """Return the values to be tried of an extension, with columns from smoothed signals."""
     record, index = rows.record, rows.index
-    s, v = rows.normalised(record.x[index]), record.v[index]
+    s, v = rows.normalised(record.x[index]), rows.velocity[index]
     if kind == KNOT:
         knots = np.linspace(-LARGEST_KNOT, LARGEST_KNOT, KNOTS).tolist()
         return [((knot,), [i]) for i, knot in enumerate(knots)], [
@@ -438,9 +438,13 @@ def exact_columns(rows: RegressionRows, kind: str, values: tuple[float, ...]) ->
         return tuple(record.smoothed(one)[index] for one in knot_force(s, *values)[:2])
     if kind == DEPTH_DAMPING:
         # s^p v is the derivative of s^(p + 1) / (p + 1), except for the factor `scale`.
-        powers = range(1, round(values[0]) + 1)
-        smoothed = (record.smoothed(s ** (p + 1)) / (p + 1) for p in powers)
-        return tuple(rows.scale * record.derivative(one)[index] for one in smoothed)
+        smooth_s, stretched = rows.normalised(record.x), rows.velocity - record.v
+        columns = []
+        for p in range(1, round(values[0]) + 1):
+            smoothed = record.smoothed(s ** (p + 1)) / (p + 1)
+            force = rows.scale * record.derivative(smoothed) + smooth_s**p * stretched
+            columns.append(force[index])
+        return tuple(columns)
     if kind == MASS:
         return (record.derivative(record.v)[index],)
     (slip,) = values

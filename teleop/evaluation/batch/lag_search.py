@@ -46,7 +46,7 @@ def lag_instead_of_relaxation(rows: RegressionRows, best: Candidate) -> ForceLag
         return None
     depth = rows.normalised(record.raw_x)
     powers = range(1, best.degree + 1)
-    signals = [record.v, *(record.smoothed(depth**n) for n in powers)]
+    signals = [rows.velocity, *(record.smoothed(depth**n) for n in powers)]
 
     def fit(lag: float) -> RobustFit:
         columns = [delayed(rows, signal, lag)[rows.index] for signal in signals]

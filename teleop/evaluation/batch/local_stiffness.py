@@ -215,7 +215,7 @@ def inseparable_loss(rows: RegressionRows, best: Candidate) -> float | None:
     At a constant speed, both are constant forces against the motion. Only the reversals then
     separate them, where the friction builds up, and the form of this is not known.
     """
-    speed = np.abs(rows.record.v[rows.index])
+    speed = np.abs(rows.velocity[rows.index])
     path = max(float(speed.sum()), 1e-300)  # the slow samples of the reversals have little weight
     mean = float(speed @ speed) / path
     spread = math.sqrt(max(float((speed**2) @ speed) / path - mean**2, 0.0))

@@ -147,7 +147,11 @@ def find_lost_motion(
         return None
     regressors = Regressors(rows)
     plain = regressors.fits(record.raw_x[None], np.zeros(1), "")
-    if min(beyond_noise(one, record) for one in plain) == 0.0:
+    # a hysteresis cannot be clearly better than a model that leaves only noise, except by replacing
+    # several of its parameters: many powers of the position can also describe lost motion
+    fewest = min(one.parameters for one in plain) + 1
+    most = fewest + LOST_MOTION_BIC / math.log(len(rows.index))
+    if any(one.parameters < most and beyond_noise(one, record) == 0.0 for one in plain):
         return None
     found = []
     for shape, parts in SHAPES.items():
@@ -278,8 +282,8 @@ class Regressors:
         size = np.sqrt(np.maximum(np.diag(gram), 1e-300))
         gram, along = gram / np.outer(size, size), along / size
         for model in self._models:
-            used = self._used(model) + ([] if last is None else [columns.shape[1] - 1])
-            theta = np.linalg.lstsq(gram[np.ix_(used, used)], along[used], rcond=1e-12)[0]
+            used = np.array(self._used(model) + ([] if last is None else [columns.shape[1] - 1]))
+            theta = np.linalg.lstsq(gram[used[:, None], used], along[used], rcond=1e-12)[0]
             residual = self._force - columns[:, used] @ (theta / size[used])
             count = len(used) + self._basis.shape[1] + (half_width > 0.0)
             yield HysteresisFit(half_width, shape, model, count, residual), float(theta[-1])
@@ -348,9 +352,8 @@ def played(x: Floats, half_widths: Floats) -> Floats:
     low, high = x[:, None] - half_widths, x[:, None] + half_widths
     out = np.empty_like(low)
     y = np.full(len(half_widths), x[0])
-    for i in range(len(x)):
-        y = np.minimum(np.maximum(y, low[i]), high[i])
-        out[i] = y
+    for at_least, at_most, now in zip(low, high, out, strict=True):
+        y = np.minimum(np.maximum(y, at_least, out=now), at_most, out=now)
     return out.T
 
 

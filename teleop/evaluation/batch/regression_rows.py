@@ -70,8 +70,8 @@ class RegressionRows:
     """The samples that are fitted, and the regressors of the contact models at these samples.
 
     Each model is f = baseline + P(x) + b v + relaxing parts. The baseline is the slow part of the
-    force. P(x) is a polynomial in the position. The relaxing parts decay with time constants. Each
-    sample is a row of the regression matrix.
+    force. P(x) is a polynomial in the position, and v is `velocity`. The relaxing parts decay with
+    time constants. Each sample is a row of the regression matrix.
 
     With `baseline`, the baseline may contain slow cosines besides a constant. If the force out of
     contact is steady, it is always a constant.
@@ -152,6 +152,23 @@ class RegressionRows:
         return constant or not self.record.sinusoidal
 
     @property
+    def compliance(self) -> float:
+        """Compliance whose velocity does not cause damping [m/N] (`velocity`)."""
+        return self.record.compliance if self.relaxation else 0.0
+
+    @cached_property
+    def velocity(self) -> Floats:
+        """Velocity to which the damping is proportional [m/s], shape (n,).
+
+        Behind a compliance c, it is that of the tip, x' - c f'. A Kelvin-Voigt body behind a
+        compliance is a relaxing body, f = k x + b v / (1 - c k), with this velocity v, and k and b
+        of both in series. With the velocity of the encoder, k would increase with the frequency of
+        the motion. In a steady sine (`relaxation` is False), k and b are those at its frequency.
+        """
+        record = self.record
+        return np.asarray(record.v - self.compliance * record.derivative(record.f))
+
+    @property
     def longest_time(self) -> float:
         """Longest time constant tau that is tried for the relaxation of the force [s].
 
@@ -207,7 +224,7 @@ class RegressionRows:
 
         `further` are other regressors at the fitted samples (`teleop.evaluation.batch.extensions`).
         """
-        columns = [self.record.v[self.index], *self.powers[:degree]]
+        columns = [self.velocity[self.index], *self.powers[:degree]]
         columns += [z[self.index] for z in relaxing]
         return self.fits.fit(np.column_stack([*columns, *further]))
 

@@ -181,7 +181,7 @@ class FitsOfTimes:
 
     def __init__(self, rows: RegressionRows, parts: RelaxingParts, degree: int) -> None:
         self._rows, self._parts = rows, parts
-        others = np.column_stack([rows.record.v[rows.index], *rows.powers[:degree]])
+        others = np.column_stack([rows.velocity[rows.index], *rows.powers[:degree]])
         self._others, triangular = np.linalg.qr(self._beyond_baseline(others))
         odd = np.arange(degree + 1) % 2 == 1  # the powers that change from s = -1 to s = 1
         rise = np.linalg.lstsq(triangular.T, odd.astype(float), rcond=None)[0]

@@ -69,6 +69,8 @@ class ResampledRecord:
     """Time constant of the force channel that is compensated [s]; 0 if no lag is compensated."""
     filter_delay: float
     """Delay of a filter of the force that is compensated [s]; 0 without one."""
+    compliance: float
+    """Calibrated compliance between encoder and tip [m/N]; 0 if it is not known."""
 
 
 def resample(signals: Signals, transmission: TransmissionCalibration = RIGID) -> ResampledRecord:
@@ -112,6 +114,7 @@ def resample(signals: Signals, transmission: TransmissionCalibration = RIGID) ->
         f_count=smallest_step(signals.f),
         force_lag=transmission.force_lag,
         filter_delay=signals.filter_delay,
+        compliance=transmission.compliance,
     )
 
 
@@ -179,6 +182,8 @@ class SmoothedRecord:
     """Time constant of the force channel that is compensated [s]; 0 if no lag is compensated."""
     filter_delay: float
     """Delay of a filter of the force that is compensated [s]; 0 without one."""
+    compliance: float
+    """Calibrated compliance between encoder and tip [m/N]; 0 if it is not known."""
     sampling_period: float
     """Period of the measured samples, of which several are averaged in a grid period [s]."""
 
@@ -360,5 +365,6 @@ def smoothed_record(resampled: ResampledRecord, bandwidth: float | None = None) 
         ramp=resampled.ramp,
         force_lag=resampled.force_lag,
         filter_delay=resampled.filter_delay,
+        compliance=resampled.compliance,
         sampling_period=period,
     )

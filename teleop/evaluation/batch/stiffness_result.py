@@ -384,15 +384,17 @@ def damping_at_position(
 
     Behind a compliance c, specimen and transmission in series have the stiffness k / (1 + c k) and
     the damping b / (1 + c k)^2. If k depends on depth, this damping does too. The fitted damping is
-    its mean with the weight v^2. A model whose damping depends on depth has that at the position.
+    its mean with the weight v^2; with the velocity of the tip, only one factor 1 / (1 + c k) is
+    averaged. A model whose damping depends on depth has that at the position.
     """
     if not compliance or local.best.part(DEPTH_DAMPING):
         return 1.0
     x, v = record.x[phases.usable], record.v[phases.usable]
     elastic = record.f[phases.usable] - local.b * v
     law = np.polynomial.Polynomial.fit(x, elastic, SERIES_DEGREE).deriv()
-    damping = np.clip(1.0 - compliance * law(x), 0.0, 1.0) ** 2
-    here = float(np.clip(1.0 - compliance * law(local.best.position), 0.0, 1.0)) ** 2
+    averaged = 1 if math.isnan(local.frequency) else 2
+    damping = np.clip(1.0 - compliance * law(x), 0.0, 1.0) ** averaged
+    here = float(np.clip(1.0 - compliance * law(local.best.position), 0.0, 1.0)) ** averaged
     return here / max(float(np.average(damping, weights=v**2)), 1e-300)
 
 

@@ -22,6 +22,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from drivers.posix import is_posix, posix_module
 from teleop.errors import InputError, reason
 from teleop.evaluation.formats.columns import Wanted
 from teleop.evaluation.formats.table import Pick, Table, reading
@@ -86,7 +87,7 @@ def read_apart(module: str, what: str, path: Path, pick: Pick, wanted: Wanted) -
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,  # for example, how Rust describes a crash
-            start_new_session=os.name == "posix",  # Ctrl-C reaches it through this process
+            start_new_session=is_posix(),  # Ctrl-C reaches it through this process
         )
     except OSError as error:
         raise InputError(
@@ -140,11 +141,10 @@ def gibibytes(size: int) -> str:
 
 def set_limits(memory: int, seconds: float) -> None:
     """Limit the memory [bytes] and the time [s] of this process, as far as the system can do so."""
-    with contextlib.suppress(ImportError, ValueError, OSError):
-        import resource
-
-        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))  # a crash is expected here
-        resource.setrlimit(resource.RLIMIT_AS, (memory, memory))
+    if resource := posix_module("resource"):
+        with contextlib.suppress(ValueError, OSError):
+            resource.setrlimit(resource.RLIMIT_CORE, (0, 0))  # a crash is expected here
+            resource.setrlimit(resource.RLIMIT_AS, (memory, memory))
     if hasattr(signal, "alarm"):
         signal.alarm(int(seconds + GRACE))
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from teleop.errors import InputError
+from telepalpation import needs
 
 if TYPE_CHECKING:
     import numpy as np
@@ -86,7 +87,7 @@ class Table:
 
 def missing(library: str, what: str) -> InputError:
     """Return the error to raise if the library for a file format is not installed."""
-    return InputError(f"{what} needs {library}: pip install '.[formats]'")
+    return InputError(needs(what, library, "formats"))
 
 
 @contextlib.contextmanager

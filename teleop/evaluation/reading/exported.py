@@ -32,6 +32,7 @@ def exported_recording(table: Table) -> Recording | None:
         return None
     from teleop.recording.mcap_checks import check_event
     from teleop.recording.recording import Recording, gaps_of
+    from teleop.recording.schema import check_schema
 
     if table.problem:
         raise table.problem
@@ -48,11 +49,13 @@ def exported_recording(table: Table) -> Recording | None:
             check_event(event)
     except ValueError as error:
         raise InputError(f"{table.where}: the events of the run: {error}") from error
+    session = stored(table, "session", {})
+    check_schema(table.where, session)
     return Recording(
         columns=columns,
         units={heading.name: heading.unit or "-" for heading in table.headings},
         events=events,
-        session=stored(table, "session", {}),
+        session=session,
         settings=stored(table, "settings", {}),
         gaps=gaps_of(columns),
     )

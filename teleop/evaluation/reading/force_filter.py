@@ -20,7 +20,6 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from teleop.evaluation.reading.signals import Signals, periods
 from teleop.evaluation.reason import Reason
@@ -112,6 +111,8 @@ def advanced(signals: Signals, delay: float) -> Signals:
     time t. If there is a gap or the end of the record between t and t + `delay`, the sample is
     omitted. If fewer than two samples would remain, the signals are returned unchanged.
     """
+    from scipy.interpolate import CubicSpline  # most files state no filter
+
     t, x, f = signals.t, signals.x, signals.f.copy()
     kept = np.ones(len(t), dtype=np.bool_)
     for start, end in pairwise(sorted({0, len(t), *signals.gaps})):

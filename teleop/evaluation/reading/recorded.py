@@ -121,7 +121,7 @@ class Last:
         }
 
 
-NEEDED = ("time", "dt", "dropped", "x", "paired_position", "paired_force", "paired_dt")
+NEEDED = ("time", "dt", "dropped", "paired_position", "paired_force", "paired_dt")
 """Columns that are needed to evaluate a recorded trial."""
 
 NOTHING: Floats = np.empty(0)
@@ -173,7 +173,7 @@ class RecordedSamples(Samples):
         names = estimators_in(stream.units)
         columns = [f"{name}_{symbol}" for name in names for symbol in "bk"]
         ends = ends_of(self.recording.gaps)
-        read = stream.blocks(lambda name: name in (*MEASURED, "x") or name in columns)
+        read = stream.blocks(lambda name: name in MEASURED or name in columns)
         before = NOTHING
         for rows in joined((measured(block, columns) for block in read), self._block):
             t, x, f, dt, *estimates = rows
@@ -186,12 +186,12 @@ class RecordedSamples(Samples):
 
 
 def measured(block: Mapping[str, Floats], further: Sequence[str] = ()) -> Floats:
-    """Return the n samples that the estimators received in a block of ticks of the control loop.
+    """Return the n samples for the estimators in a block of ticks of the control loop.
 
-    Ticks at which the estimators received no sample are omitted. The rows are `MEASURED`, and then
-    the columns `further`.
+    Ticks without a sample are omitted. The rows are `MEASURED`, and then the columns `further`,
+    which are NaN if the estimators had failed during the trial.
     """
-    part = np.isfinite(block["x"])
+    part = ~np.isnan(block["paired_dt"])
     samples = np.stack([block[name][part] for name in (*MEASURED, *further)])
     for name, channel in zip(MEASURED, samples, strict=False):
         if not (np.abs(channel) < LARGEST).all():

@@ -19,6 +19,7 @@ from teleop.files import check_outputs, unwritable, write_text
 from teleop.output.figure_files import save
 from teleop.output.trial_figures import stiffness_figure
 from teleop.output.web_page import svg
+from teleop.software import software
 from teleop.studies.anova import Effect, check_available
 from teleop.studies.paper.claims import Claim, check_claims
 from teleop.studies.paper.methods import FurtherMethods, MethodResult, averages
@@ -165,10 +166,13 @@ def csv_table(rows: Sequence[dict[str, Any]]) -> str:
     """
     text = StringIO(newline="")
     writer = csv.writer(text)
+    by = f"teleop {software()}"
     ours = ["condition", "cube", "estimator", "b", "k", "e_f", "rise_time_s"]
-    writer.writerow([*ours, "paper b", "paper k", "paper e_f", "calibrated"])
+    writer.writerow([*ours, "paper b", "paper k", "paper e_f", "calibrated", "software"])
     for row in rows:
-        writer.writerow([*(row[name] for name in ours), *row["paper"].values(), row["calibrated"]])
+        writer.writerow(
+            [*(row[name] for name in ours), *row["paper"].values(), row["calibrated"], by]
+        )
     return text.getvalue()
 
 

@@ -38,7 +38,10 @@ level can also be a value that is not permitted. A level that is not permitted d
 setting of the same name."""
 
 
-COLUMNS = ("trial", "repetition", "attempt", "time", "file", "note", "seed", "estimator", "held")
+COLUMNS = (
+    *("trial", "repetition", "attempt", "time", "file", "note", "seed", "software", "estimator"),
+    "held",
+)
 """Names of the columns of the table of results that a factor may not have."""
 
 

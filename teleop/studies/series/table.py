@@ -51,6 +51,7 @@ def result_rows(trials: Sequence[PlannedTrial], journal: Journal) -> Iterator[di
                 "file": result["file"],
                 "note": journal.note(trial.number, result["attempt"]),
                 "seed": None if trial.settings.rig else summary.get("seed"),
+                "software": summary.get("software"),
                 "estimator": name,
                 **{RESULT_COLUMNS[key]: values.get(key) for key in RESULT_COLUMNS},
                 **{TRACKING[key]: tracking.get(key) for key in TRACKING},
@@ -62,7 +63,7 @@ def columns(trials: Sequence[PlannedTrial]) -> list[str]:
     return [
         "trial",
         *trials[0].levels,
-        *("repetition", "attempt", "time", "file", "note", "seed", "estimator"),
+        *("repetition", "attempt", "time", "file", "note", "seed", "software", "estimator"),
         *RESULT_COLUMNS.values(),
         *TRACKING.values(),
     ]

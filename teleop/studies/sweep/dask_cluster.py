@@ -16,6 +16,7 @@ from teleop.studies.sweep.origin import versions
 from teleop.studies.sweep.points import Point
 from teleop.studies.sweep.tasks import Computed, Task, computed
 from teleop.studies.workers import AHEAD, alone, processors
+from telepalpation import needs
 
 LOCAL = "local"
 """Address with which a new cluster is started on this machine."""
@@ -40,7 +41,7 @@ def on_dask(address: str, count: int | None = None) -> Execute:
     try:
         import distributed
     except ImportError as error:
-        raise InputError("a Dask cluster needs distributed: pip install '.[sweep]'") from error
+        raise InputError(needs("a Dask cluster", "distributed", "sweep")) from error
 
     def execute(task: Task, points: Sequence[Point]) -> Iterator[Computed]:
         with cluster(address, count) as client:

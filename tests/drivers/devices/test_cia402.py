@@ -877,6 +877,13 @@ def test_canopen_s_node_is_set_up_correctly_and_its_pdos_are_decoded():
     assert driver.samples["position"].value == pytest.approx(-1e-3)
     assert driver.samples["velocity"].value == pytest.approx(2e-3)
     assert driver.samples["force"].value == pytest.approx(-0.125 * 2 * math.pi / 5e-3)
+    stated = driver.about()
+    assert {name: stated[name] for name in ("1000h:00", "1016h:01", "6076h:00")} == {
+        "1000h:00": "0x20192",
+        "1016h:01": f"{127 << 16 | 100:#x}",
+        "6076h:00": "0x1f4",
+    }
+    assert "1008h:00" not in stated  # this node has no such object
     driver.enable()
     driver.transmit()
     wire.wait_for(lambda: False, 5e-3)

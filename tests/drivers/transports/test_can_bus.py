@@ -11,7 +11,7 @@ import can
 import pytest
 
 from drivers.rig import RigError
-from drivers.transports.can_bus import CanBus
+from drivers.transports.can_bus import CanBus, frame_text
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="needs abstract sockets")
 CHANNEL = f"bus-of-{os.getpid()}"
@@ -119,3 +119,81 @@ def test_another_process_is_named_and_its_claim_ends_if_it_is_killed():
         process.kill()
     held.open()
     held.close()
+
+
+class Silent(Adapter):
+    """An adapter that sends frames, and receives those in `incoming`."""
+
+    def __init__(self, *arguments, **options):
+        super().__init__(*arguments, **options)
+        self.protocol = can.CanProtocol.CAN_FD
+        self.incoming = []
+
+    def send(self, frame):
+        pass
+
+    def recv(self, timeout):
+        return self.incoming.pop(0) if self.incoming else None
+
+
+def opened(monkeypatch, bitrate, **options):
+    """An open bus, and its adapter."""
+    adapters = []
+    monkeypatch.setattr(can, "Bus", lambda **given: adapters.append(Silent(**given)) or adapters[0])
+    bus = CanBus("drives", time.monotonic, "other", CHANNEL, bitrate, {}, **options)
+    bus.open()
+    return bus, adapters[0]
+
+
+def test_the_time_of_a_frame_has_the_largest_number_of_stuff_bits(monkeypatch):
+    """The longest frames have 135 and 160 bits (Davis et al., Real-Time Systems 35, 2007)."""
+    bus, adapter = opened(monkeypatch, 500_000)
+    bus.send(1, bytes(8))
+    assert bus.occupied == pytest.approx(135 / 500_000)
+    adapter.incoming.append(can.Message(arbitration_id=1, data=bytes(8), is_extended_id=True))
+    bus.poll()
+    assert bus.occupied == pytest.approx((135 + 160) / 500_000)
+    bus.request(1)  # a remote frame has no data
+    assert bus.occupied == pytest.approx((135 + 160 + 55) / 500_000)
+    bus.close()
+
+
+def test_the_data_of_a_can_fd_frame_are_sent_with_their_own_bit_rate(monkeypatch):
+    bus, _ = opened(monkeypatch, 1_000_000, fd=True, data_bitrate=5_000_000)
+    bus.send(1, bytes(64), fd=True, bitrate_switch=True)
+    assert 64 * 8 / 5e6 + 25e-6 < bus.occupied < 64 * 8 * 1.25 / 5e6 + 45e-6
+    bus.close()
+
+
+def test_the_load_of_a_bus_with_unknown_bit_rate_is_not_known(monkeypatch):
+    bus, _ = opened(monkeypatch, None)
+    bus.send(1, b"")
+    assert bus.occupied != bus.occupied
+    bus.close()
+
+
+@pytest.mark.parametrize(
+    "frame",
+    [
+        can.Message(arbitration_id=0x1A, data=b"\x01\xff", is_extended_id=False),
+        can.Message(arbitration_id=0x1A, data=b"", is_extended_id=True),
+        can.Message(arbitration_id=0x7FF, is_remote_frame=True, is_extended_id=False),
+        can.Message(arbitration_id=0x12345, data=bytes(12), is_fd=True),
+    ],
+)
+def test_a_logged_frame_has_the_form_of_candump(frame, tmp_path):
+    path = tmp_path / "log.log"
+    path.write_text(f"(1.0) can0 {frame_text(frame)}\n")
+    (read,) = can.CanutilsLogReader(path)
+    assert read.equals(frame, timestamp_delta=None, check_channel=False, check_direction=False)
+
+
+def test_the_frames_in_both_directions_are_logged(monkeypatch):
+    bus, adapter = opened(monkeypatch, 500_000)
+    logged = []
+    bus.log = lambda way, text: logged.append((way, text))
+    bus.send(0x12, b"\x01")
+    adapter.incoming.append(can.Message(arbitration_id=3, data=b"\x02", is_extended_id=False))
+    bus.poll()
+    assert logged == [(">", "012#01"), ("<", "003#02")]
+    bus.close()

@@ -42,6 +42,9 @@ class MemoryPort:
         return self.to_read.pop(0) if self.to_read else b""
 
     def write(self, data, timeout):
+        return self.send(data)
+
+    def send(self, data):
         self.sent += self.adapter.receive(data)
         if answer := self.adapter.pending():
             self.to_read.append(answer)

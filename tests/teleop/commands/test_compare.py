@@ -30,6 +30,7 @@ from teleop.output.comparison_tables import (
     print_comparison,
     published_table,
 )
+from teleop.software import software
 
 PLAN = """
 name = "short"
@@ -424,10 +425,13 @@ def test_a_table_is_written_as_csv_latex_and_markdown(series, tmp_path, capsys):
     assert latex.count("\\midrule") == 2
     assert "e\\_f [N]" in latex
     assert "$\\pm$" in latex
+    assert latex.endswith(f"\n% teleop {software()}\n")
+    assert rows[0]["software"] == f"teleop {software()}"
     assert re.search(r"& \$-\$\d", latex)
     assert not re.search(r"-\d", latex.split("tablenotes")[0])
     assert latex.splitlines()[2:4] == ["\\begin{tabular}{llllrrrr}", "\\toprule"]
     markdown = (tmp_path / "table.md").read_text()
+    assert markdown.endswith(f"<!-- teleop {software()} -->\n")
     lines = [line for line in markdown.splitlines() if line.startswith("|")]
     assert len({line.count("|") for line in lines}) == 1
     assert len(lines) == 2 + 2 * 3

@@ -66,7 +66,7 @@ def test_options_that_contradict_each_other_are_refused(refused, arguments, expe
 
 def test_a_missing_library_is_named(refused, monkeypatch):
     monkeypatch.setattr(live_options, "find_spec", lambda name: None)
-    assert "pip install 'teleop[live]'" in refused("run", "--no-record", "--live")
+    assert "pip install 'telepalpation[live]'" in refused("run", "--no-record", "--live")
 
 
 def test_a_used_port_is_refused(refused, recording):

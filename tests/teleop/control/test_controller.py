@@ -136,7 +136,7 @@ def record(rig, controller):
         stream.write(r)
         events += r.events
     reader, estimation = stream.reader(), Estimation(MatchedFilter(20.0), bank)
-    StreamEstimation(stream.schema, reader.ticks, stream.estimates_writer(), estimation).advance()
+    StreamEstimation(estimation, reader, print).advance()
     columns = reader.columns(1, stream.newest + 1)
     return from_columns(stream.schema, columns, [], {}), events
 

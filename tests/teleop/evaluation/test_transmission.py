@@ -312,3 +312,24 @@ def test_behind_a_compliance_the_damping_of_a_stiffening_body_is_that_at_the_pos
     assert result.damping_at_hz is None
     assert result.b == pytest.approx(B / (1.0 + c * k) ** 2, rel=0.02)
     assert result.b_low <= B / (1.0 + c * k) ** 2 <= result.b_high
+
+
+def test_behind_a_compliance_k_does_not_depend_on_the_frequencies_of_the_motion():
+    """Specimen and compliance in series relax: their storage stiffness grows with frequency."""
+    rng = np.random.default_rng(5)
+    t = np.arange(0.0, 10.0, 2e-3)
+    k, b, c = 1500.0, 25.0, 60e-6
+    position, force = np.full(len(t), 6e-3), np.full(len(t), 6e-3 * k / (1.0 + c * k))
+    for size, frequency in ((1e-3, 0.8), (6e-4, 1.7), (5e-4, 3.1), (4e-4, 4.3)):
+        wave = size * np.exp(2j * np.pi * frequency * (t + rng.uniform()))
+        at_tip = k + 2j * np.pi * frequency * b
+        position += wave.real
+        force += (at_tip / (1.0 + c * at_tip) * wave).real
+    noisy = force + rng.normal(0.0, 0.003, len(t))
+    signals = Signals(t, position, noisy, periods(t), "position")
+    result = result_of(signals, force_lag=1e-9, compliance=c, compliance_error=1e-8).result
+    assert result.k_low <= k / (1.0 + c * k) <= result.k_high
+    assert result.k_high - result.k_low < 2e-3 * k
+    assert result.k_tip.low <= k <= result.k_tip.high
+    assert result.b_low <= b / (1.0 + c * k) ** 2 <= result.b_high
+    assert not result.times

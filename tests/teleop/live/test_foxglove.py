@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import asyncio
 import json
-import mmap
-import struct
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 from robo_ws_bridge import WebSocketBridgeClient
 from robo_ws_bridge.client import FetchAssetError, ServiceCallError
@@ -16,10 +15,10 @@ from robo_ws_bridge.client import FetchAssetError, ServiceCallError
 from teleop.live.foxglove_process import FoxgloveBridge
 from teleop.settings.trial_settings import TrialSettings
 from teleop.streams.columns import Layout
-from teleop.streams.message import MESSAGE_NAME
-from teleop.streams.ring import RingReader, RingWriter, ring_size
+from teleop.streams.message import definition_of, messages_of
 from teleop.trial.run import run_trial
 
+from ..streams.filled import FilledStream
 from .live_client import until
 
 LAYOUT = Path(__file__).parents[3] / "docs/_static/foxglove-layout.json"
@@ -27,13 +26,12 @@ LAYOUT = Path(__file__).parents[3] / "docs/_static/foxglove-layout.json"
 
 @pytest.fixture(scope="module")
 def trial():
-    """The layout of a trial, and the messages of its ticks."""
+    """The layout of a trial, and the rows of its ticks."""
     settings = TrialSettings(clock="virtual", duration=0.5)
     layout = Layout(settings.estimation_preset.bank())
     recording = run_trial(settings).recording
-    rows = zip(*(recording[column.name].tolist() for column in layout.columns), strict=True)
-    head = bytes([0, 1, 0, 0])
-    return layout, [head + struct.pack(f"<{len(row)}d", *row) for row in rows]
+    rows = np.column_stack([recording[column.name] for column in layout.schema.columns])
+    return layout, rows
 
 
 class Viewer:
@@ -58,23 +56,22 @@ class Viewer:
 
 
 def test_a_viewer_receives_every_tick_and_the_newest_ones_at_a_lower_rate(trial):
-    layout, messages = trial
-    slots = 4096
-    buffer = mmap.mmap(-1, ring_size(slots, layout.size))
-    writer, reader = RingWriter(buffer, slots, layout.size), RingReader(buffer, slots, layout.size)
-    bridge = FoxgloveBridge(reader, 0)
+    layout, rows = trial
+    stream, messages = FilledStream(layout, 1000), messages_of(rows)
+    definition = definition_of(layout.schema.columns)
+    bridge = FoxgloveBridge(0)
 
     async def scenario():
-        bridge.begin(layout.definition, MESSAGE_NAME, {}, 1)
+        bridge.begin(stream.reader())
         async with Viewer(bridge.url) as viewer:
             await until(lambda: len(viewer.client.channels) == 2)
             assert viewer.client.server_info["capabilities"] == []
             assert viewer.client.services == {}
-            assert {c["schema"] for c in viewer.client.channels.values()} == {layout.definition}
+            assert {c["schema"] for c in viewer.client.channels.values()} == {definition}
             await asyncio.sleep(0.5)  # the subscriptions have no answer
-            for message in messages:
-                writer.write(message)
-                if writer.newest % 20 == 0:
+            for row in rows:
+                stream.fill(row)
+                if stream.newest % 20 == 0:
                     bridge.advance()
             bridge.advance()
             await until(lambda: len(viewer.received.get("/tick", ())) == len(messages))
@@ -93,7 +90,7 @@ def test_a_viewer_receives_every_tick_and_the_newest_ones_at_a_lower_rate(trial)
 
 
 def test_nothing_can_be_called_changed_or_fetched():
-    bridge = FoxgloveBridge(RingReader(mmap.mmap(-1, ring_size(64, 64)), 64, 64), 0)
+    bridge = FoxgloveBridge(0)
 
     async def scenario():
         async with Viewer(bridge.url) as viewer:
@@ -117,7 +114,7 @@ def test_nothing_can_be_called_changed_or_fetched():
 
 def test_the_columns_of_the_layout_exist(trial):
     layout, _ = trial
-    names = {column.name for column in layout.columns}
+    names = {column.name for column in layout.schema.columns}
     document = json.loads(LAYOUT.read_text(encoding="utf-8"))
     paths = [path["value"] for panel in document["configById"].values() for path in panel["paths"]]
     assert len(paths) > 5

@@ -9,7 +9,6 @@ from types import SimpleNamespace
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from teleop.recording.process import EVENT, FRAME, FrameReader
 
 from teleop.live.progress import Progress, Shown, Status
 
@@ -153,17 +152,6 @@ def test_without_a_terminal_spaces_replace_the_previous_line_and_nothing_is_an_e
     draw(progress, "more")
     progress.close()
     assert lines == ["\ra long line", "\rshort      ", "\r     \rstopped\n", "\rmore", "\r    \r"]
-
-
-def test_the_recorder_passes_notes_to_the_line_and_no_other_events():
-    progress = Progress(False, 10.0, "", "")
-    session = {"columns": [], "estimators": [], "level": 1.96}
-    frames = FrameReader(session, None, progress)
-    event = {"fault": None, "source": "precision", "text": "k ± 2 %: about 3 s more"}
-    for document in (event, {"fault": None, "source": "", "text": "armed"}):
-        data = json.dumps(document).encode()
-        frames.process(FRAME.pack(EVENT, len(data)) + data)
-    assert progress.note == event["text"]
 
 
 def test_a_note_takes_the_place_of_estimates_that_do_not_fit(drawn):

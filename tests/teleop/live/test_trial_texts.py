@@ -5,9 +5,7 @@ from __future__ import annotations
 import mmap
 
 import pytest
-from teleop.recording.sinks import event_record
 
-from teleop.json_documents import dumps
 from teleop.live.cells import SIZE, CellWriter
 from teleop.live.requests import BadRequest
 from teleop.live.trial_feed import TrialFeed
@@ -15,7 +13,7 @@ from teleop.safety import Event, Fault
 from teleop.safety.events import ACTIVE, FAULT, READY
 from teleop.settings.trial_settings import TrialSettings
 from teleop.streams.columns import Layout
-from teleop.streams.ring import RingReader, RingWriter, ring_size
+from teleop.streams.stream import Stream
 from teleop.trial.live_documents import trial_document
 
 CHOICES = {"feedback": ["none", "position-force"], "estimators": ["rls", "ai", "me"]}
@@ -25,32 +23,26 @@ SESSION = {"may_arm": True, "pointer": True, "choices": CHOICES}
 @pytest.fixture
 def trial():
     """A feed in which a trial has begun, and a function that reports an event of the supervisor."""
-    ticks, events = (mmap.mmap(-1, ring_size(128, 4096)) for _ in range(2))
     feed = TrialFeed(
-        RingReader(ticks, 128, 4096),
-        RingReader(events, 128, 4096),
         CellWriter(mmap.mmap(-1, SIZE)),
         SESSION,
         lambda request: None,
         lambda recording: {"report": str(recording)},
     )
-    layout, writer = Layout({}), RingWriter(events, 128, 4096)
+    stream = Stream(Layout({}), 10, shared=True)
     feed.receive(
         {
             "type": "begin",
-            "first": 1,
-            "first_event": writer.newest + 1,
-            "offset": 0,
-            "columns": [column._asdict() for column in layout.columns],
-            "estimators": [],
+            "stream": stream.document,
             "rate": 1000.0,
             "trial": trial_document(TrialSettings(operator="pointer")),
             "by_page": True,
         }
     )
+    stream.close()
 
     def report(mode, text, fault=None, source=""):
-        writer.write(dumps(event_record(Event(1.0, mode, text, fault, source))).encode())
+        stream.event(Event(1.0, mode, text, fault, source))
         feed._mode = mode
         feed.advance()
         return feed.state()

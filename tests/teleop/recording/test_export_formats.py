@@ -180,7 +180,7 @@ def test_a_library_that_is_not_installed_is_reported_with_the_command_to_install
     out = tmp_path / f"trial.{ending}"
     err = refused("export", trial, "--out", out)
     assert library in err
-    assert "pip install '.[export]'" in err
+    assert "expected pip install 'telepalpation[export]'" in err
     assert not out.exists()
 
 

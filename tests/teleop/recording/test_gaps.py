@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from teleop.trial.later_estimates import LaterEstimates
 
 from estimation import MatchedFilter
 from teleop.cli import main
@@ -21,9 +20,10 @@ from teleop.evaluation.reading.samples import is_replayed
 from teleop.evaluation.reading.signals import Signals, periods, read_signals
 from teleop.evaluation.settings import EstimateSettings
 from teleop.recording.gaps import GapFinder, missing_text, missing_ticks
-from teleop.recording.recorder import RecorderProcess
+from teleop.recording.recorder import Recorder
 from teleop.recording.recording import load
 from teleop.settings.trial_settings import TrialSettings
+from teleop.streams.stream import StreamReader
 from teleop.trial.run import run_trial
 
 
@@ -180,30 +180,44 @@ def measure_lag_of(path):
     lag(path)
 
 
+class LateRing:
+    """A ring in which some records are overwritten before a reader can read them."""
+
+    def __init__(self, ring, lost):
+        self._ring, self._lost = ring, lost
+
+    def __getattr__(self, name):
+        return getattr(self._ring, name)
+
+    def read(self, first, end):
+        while first < end and first in self._lost:
+            first += 1
+        return self._ring.read(first, end)
+
+
+class LateReader(StreamReader):
+    """A reader that is too late for some ticks."""
+
+    def __init__(self, reader, lost):
+        vars(self).update(vars(reader), ticks=LateRing(reader.ticks, lost))
+        self._ends = {number - 1 for number in lost if number - 1 not in lost}
+
+    def read(self):
+        """Return the next ticks until those that are lost."""
+        ticks = (end - self.position for end in self._ends if end > self.position)
+        return super().read(min(ticks, default=1 << 14))
+
+
 @pytest.fixture
 def slow(monkeypatch):
-    """Makes the recorder's pipe full for some ticks; these are blocks of their own."""
+    """Makes the recorder miss some ticks, by their number from 0."""
 
     def during(*numbers):
-        push, count = RecorderProcess.push, iter(range(10**9))
-        store, stored = LaterEstimates.push, iter(range(1, 10**9))
-
-        def store_in_blocks(self, message):
-            store(self, message)
-            later = next(stored)
-            if (later in numbers) != (later - 1 in numbers):
-                self._pass_on()
-
-        monkeypatch.setattr(LaterEstimates, "push", store_in_blocks)
-        numbers = set(numbers)
-
-        def full(self, message):
-            if next(count) in numbers:
-                self.dropped += 1
-            else:
-                push(self, message)
-
-        monkeypatch.setattr(RecorderProcess, "push", full)
+        lost = {number + 1 for number in numbers}
+        monkeypatch.setattr(
+            "teleop.trial.readers.Recorder",
+            lambda session, reader, send: Recorder(session, LateReader(reader, lost), send),
+        )
 
     return during
 

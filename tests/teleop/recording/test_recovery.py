@@ -16,7 +16,8 @@ from teleop.errors import InputError
 from teleop.recording import mcap_checks
 from teleop.recording.mcap_reader import read_intact
 from teleop.recording.mcap_writer import TICKS, Disk, McapFile
-from teleop.recording.recording import FIELD, from_messages, load
+from teleop.recording.recording import load, load_intact
+from teleop.streams.message import FIELD
 
 RECORD = struct.Struct("<BQ")
 """Head of a record: opcode and length."""
@@ -142,8 +143,7 @@ def test_the_rest_of_a_truncated_file_is_a_prefix_and_is_recovered_exactly(
     before = path.read_bytes()
     with pytest.raises(InputError, match=r"its end is missing.*teleop recover"):
         load(path)
-    contents = read_intact(path)
-    part = from_messages(contents.definition, contents.messages, contents.events, contents.metadata)
+    part = load_intact(path)
     assert_prefix(part, recording)
     assert len(part) == ticks_before(path) > 0
 
@@ -163,11 +163,8 @@ def test_a_file_truncated_after_any_record_keeps_everything_before_it(
 ):
     for _, _, end in records:
         if end >= first_tick_chunk:
-            contents = read_intact(cut(end))
-            assert contents.damage == "its end is missing"
-            part = from_messages(
-                contents.definition, contents.messages, contents.events, contents.metadata
-            )
+            assert read_intact(cut(end)).damage == "its end is missing"
+            part = load_intact(cut(end))
             assert_prefix(part, recording)
             assert len(part) == ticks_before(cut(end))
 
@@ -274,7 +271,7 @@ def assert_refused_or_same(path, recording):
         return
     assert contents.damage
     size = 4 + 8 * len(FIELD.findall(contents.definition))
-    part = from_messages(contents.definition, contents.messages, [], {})
+    part = load_intact(path)
     assert len(contents.messages) == size * len(part)
     assert_prefix(part, recording)
 
@@ -306,7 +303,7 @@ def test_a_lost_chunk_keeps_everything_before_it(whole, recording, records, cut,
         path.write_bytes(path.read_bytes()[:data_end])
         contents = read_intact(path)
         assert "are missing before number" in contents.damage
-        part = from_messages(contents.definition, contents.messages, [], {})
+        part = load_intact(path)
         assert_prefix(part, recording)
         assert 0 < len(part) < len(recording)
         out = tmp_path / f"{place}.mcap"

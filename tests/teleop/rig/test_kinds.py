@@ -80,7 +80,9 @@ def test_the_kinds_of_this_package_are_listed_with_signals_and_drives(capsys):
     assert kinds["moteus"]["drives"] == {"axis": "velocity or force"}
     assert kinds["dbc"]["signals"] is None
     assert not kinds["reaction_force"]["emulated"]
-    assert all(kind["package"] == "teleop" and not kind["problem"] for kind in kinds.values())
+    assert all(
+        kind["package"] == "telepalpation" and not kind["problem"] for kind in kinds.values()
+    )
 
 
 @pytest.mark.parametrize("broken", BROKEN)

@@ -24,6 +24,7 @@ from teleop.control.wanted_precision import WantedPrecision
 from teleop.recording.recording import load
 from teleop.safety.tightened_limits import TightenedLimits
 from teleop.settings.configuration import read_configuration, write_configuration
+from teleop.settings.provenance import Provenance
 from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.run import run_trial
 
@@ -32,6 +33,11 @@ VARIED = {
     "specimen": st.sampled_from(["", "liver"]),
     "operator": st.sampled_from(["", "s01"]),
     "notes": st.text(max_size=10).filter(lambda text: "\0" not in text),
+    "about": st.builds(
+        Provenance,
+        authors=st.sampled_from([(), ("Ada Lee", "Bo Kim")]),
+        licence=st.sampled_from(["", "CC-BY-4.0"]),
+    ),
     "duration": st.floats(0.02, 0.2),
     "until": st.sampled_from([None, WantedPrecision(0.02, 0.1), WantedPrecision(b=0.3)]),
     "rate": st.sampled_from([500.0, 1000.0, 1234.5]),

@@ -32,7 +32,7 @@ class FilledStream(Stream):
 
     def __init__(self, layout, ticks, shared=False):
         super().__init__(layout, ticks, shared)
-        self.estimates = self.estimates_writer()
+        self.estimates = self.reader().estimates_writer()
         names = self.names = [column.name for column in self.schema.columns]
         self._of_loop = [names.index(name) for name in self.schema.loop]
         self._of_estimation = [names.index(name) for name in self.schema.estimation]

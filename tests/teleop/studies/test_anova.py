@@ -144,7 +144,7 @@ def test_without_statsmodels_the_extra_is_named(monkeypatch):
         return original(name, *rest, **further)
 
     monkeypatch.setattr(builtins, "__import__", without)
-    with pytest.raises(InputError, match=r"pip install 'teleop\[stats\]'"):
+    with pytest.raises(InputError, match=r"pip install 'telepalpation\[stats\]'"):
         check_available()
 
 

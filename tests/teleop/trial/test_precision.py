@@ -12,12 +12,15 @@ import pytest
 from teleop.cli import main
 from teleop.control.wanted_precision import WantedPrecision
 from teleop.recording.recording import load
+from teleop.safety import Event
+from teleop.safety.events import ACTIVE
 from teleop.settings.trial_settings import TrialSettings
-from teleop.streams.message import definition_of
-from teleop.streams.ring import SLOTS, RingReader, RingWriter, ring_size
-from teleop.trial.precision_process import Evaluation
+from teleop.streams.columns import Layout
+from teleop.trial.precision import Precision
 from teleop.trial.precision_watch import forecast, half_width
 from teleop.trial.run import run_trial
+
+from ..streams.filled import FilledStream
 
 SETTINGS = TrialSettings(
     condition="autonomous", clock="virtual", duration=6.0, until=WantedPrecision(0.02, 0.01)
@@ -103,46 +106,50 @@ def test_a_precision_beyond_the_errors_of_the_transmission_is_not_promised(monke
 
 @pytest.fixture
 def process(trial):
-    """The evaluation of the process for real time, the ring buffer, and the ticks of the trial."""
-    recording, names = trial.recording, list(trial.recording.columns)
-    size = 4 + 8 * len(names)
-    buffer = bytearray(ring_size(SLOTS, size))
+    """The reader of the process for real time, its stream, and the rows of the ticks."""
+    recording = trial.recording
     session = {
         "wanted": SETTINGS.until.text,
-        "definition": definition_of((name, "-", "value") for name in names),
         "metadata": {"settings": {"json": json.dumps(recording.settings)}},
         "duration": SETTINGS.duration,
     }
-    evaluation = Evaluation(session, RingReader(buffer, SLOTS, size))
-    evaluation.receive({"armed": trial.armed})
-    values = np.column_stack([recording[name] for name in names]).astype("<f8")
-    return evaluation, RingWriter(buffer, SLOTS, size), values
+    stream = FilledStream(Layout(SETTINGS.estimation_preset.bank()), 500)
+    reader = stream.reader()
+    rows = np.column_stack([recording[name] for name in stream.names])
+    stream.event(Event(trial.armed["time"], ACTIVE, "armed"))
+    sent = []
+    return Precision(session, reader, sent.append), sent, reader, stream, rows
 
 
 def test_the_process_for_real_time_gives_the_findings_of_the_loop(trial, process):
-    evaluation, ring, values = process
-    expected, found = notes(trial), []
+    precision, found, reader, stream, rows = process
+    expected = notes(trial)
     due = [t for t, _ in expected]
-    for row in values:
-        ring.write(b"\0\1\0\0" + row.tobytes())
-        if row[0] in due:
-            found.append(evaluation.advance()["text"])
-    assert [f"{SETTINGS.until.text}: {text}" for text in found] == [text for _, text in expected]
+    for row in rows:
+        stream.fill(row)
+        wanted = row[0] in due or stream.newest % 400 == 0
+        if wanted:
+            precision.advance()
+    assert reader.missed == 0
+    assert [f"{SETTINGS.until.text}: {one['text']}" for one in found] == [
+        text for _, text in expected
+    ]
 
 
 def test_ticks_that_the_process_missed_are_a_gap_and_no_jump_of_the_motion(process):
-    evaluation, ring, values = process
-    for row in values[:1200]:
-        ring.write(b"\0\1\0\0" + row.tobytes())
-    evaluation.advance()
-    ring.newest += 97  # as if the writer had overwritten these ticks
-    for row in values[1297:1700]:
-        ring.write(b"\0\1\0\0" + row.tobytes())
-    evaluation.advance()
-    signals = evaluation._watch._signals()
+    precision, _, reader, stream, rows = process
+    for row in rows[:1200]:
+        stream.fill(row)
+        if stream.newest % 400 == 0:
+            precision.advance()
+    stream.fill(*rows[1200:2200])
+    precision.advance()
+    signals = precision._watch._signals()
     (gap,) = signals.gaps
-    assert signals.t[gap] == values[1297, 0]
-    assert signals.dt[gap] == pytest.approx(0.098)
+    lost = reader.missed
+    assert lost > 300
+    assert signals.t[gap] == rows[1200 + lost, 0]
+    assert signals.dt[gap] == pytest.approx(1e-3 * (lost + 1))
 
 
 @pytest.mark.real_time

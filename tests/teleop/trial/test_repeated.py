@@ -9,14 +9,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from teleop.recording.sinks import Outcome, Sink
 
 from teleop.control.clock import Tick, VirtualClock
 from teleop.errors import InputError
 from teleop.live.cells import ARM, END, PROCESS, SIZE, STOP, CellReader, CellWriter
 from teleop.recording.recording import load
 from teleop.settings.trial_settings import TrialSettings
-from teleop.streams.ring import RingWriter, ring_size
 from teleop.trial.page_requests import PagePointer, PageRequests
 from teleop.trial.repeated import repeated
 from teleop.trial.run import run_trial
@@ -24,7 +22,7 @@ from teleop.trial.run import run_trial
 DURATIONS = ("read_time", "compute_time", "write_time")
 
 
-class Hand(Sink):
+class Hand:
     """A link to a page in this process: at chosen ticks it arms, moves the pointer, and stops."""
 
     pid = None
@@ -41,13 +39,18 @@ class Hand(Sink):
     def make_operator(self):
         return self.operator
 
-    def begin(self, settings, layout):
-        self.ring = RingWriter(mmap.mmap(-1, ring_size(64, layout.size)), 64, layout.size)
+    def begin(self, settings, stream):
+        write = stream.write
+
+        def written(record):
+            write(record)
+            self.act()
+
+        stream.write = written
         return PageRequests(self.reader, by_page=True)
 
-    def push(self, message):
+    def act(self):
         self.ticks += 1
-        self.ring.write(message)
         self.cells.count(PROCESS)
         self.cells.confirm(time.monotonic())
         if self.ticks == 150:
@@ -58,11 +61,8 @@ class Hand(Sink):
         if self.ticks == 1200 and self.last_request is not None:
             self.cells.count(self.last_request)
 
-    def event(self, event):
-        pass
-
-    def close(self):
-        return Outcome(None, 0, 0, "")
+    def end_trial(self):
+        """Do nothing."""
 
 
 class LateClock(VirtualClock):

@@ -36,10 +36,11 @@ from teleop.safety.checks import REST
 from teleop.settings.configuration import read_configuration
 from teleop.settings.documents import to_document
 from teleop.settings.trial_settings import TrialSettings
-from teleop.trial import later_estimates
 from teleop.trial.assembly import make_clock
 from teleop.trial.loop import Loop
-from teleop.trial.rehearsal import check_wire, tick_cost
+from teleop.trial.loop_verdict import LoopTiming
+from teleop.trial.other_programs import NOT_KNOWN
+from teleop.trial.rehearsal import check_wire, rehearse
 from teleop.trial.run import run_trial
 from teleop.trial.stop_switch import StopSwitch
 
@@ -275,10 +276,7 @@ class Spy(SimulatedRig):
 
 
 @pytest.mark.usefixtures("undrawn")
-@pytest.mark.parametrize(
-    "part", ["estimation.Bank.run", "teleop.control.conditions.Teleoperation.drive_force"]
-)
-def test_an_exception_in_a_tick_stops_the_rig_and_is_raised(monkeypatch, tmp_path, part):
+def test_an_exception_in_a_tick_stops_the_rig_and_is_raised(monkeypatch, tmp_path):
     monkeypatch.setattr("teleop.trial.assembly.SimulatedRig", Spy)
     calls = []
 
@@ -286,13 +284,9 @@ def test_an_exception_in_a_tick_stops_the_rig_and_is_raised(monkeypatch, tmp_pat
         calls.append(arguments)
         if len(calls) > 500:
             raise ZeroDivisionError("by design")
-        return 0.0 if "force" in part else run(*arguments)
+        return 0.0
 
-    from estimation import Bank
-
-    run = Bank.run
-    monkeypatch.setattr(part, fail)
-    monkeypatch.setattr(later_estimates, "BLOCK", 1)
+    monkeypatch.setattr("teleop.control.conditions.Teleoperation.drive_force", fail)
     path = tmp_path / "run.mcap"
     with pytest.raises(ZeroDivisionError) as info:
         run_trial(QUICK, path)
@@ -333,7 +327,9 @@ def test_a_stop_ramps_to_standstill_and_keeps_the_recording(monkeypatch):
 
 
 def test_a_rate_that_is_too_high_for_the_machine_is_refused_before_any_motion(monkeypatch):
-    monkeypatch.setattr("teleop.trial.rehearsal.tick_cost", lambda settings: 400e-6)
+    calm = np.zeros(1000)
+    slow = LoopTiming.of_ticks(5000.0, calm, calm, calm + 400e-6, calm[:0], NOT_KNOWN)
+    monkeypatch.setattr("teleop.trial.rehearsal.rehearse", lambda settings, seconds: slow)
     expected = (
         r"rate 5000 Hz: a tick takes 400 us .* more than 90% of the period of 200 us: "
         r"expected a rate of at most 2250 Hz, or fewer programs at the same time"
@@ -344,24 +340,26 @@ def test_a_rate_that_is_too_high_for_the_machine_is_refused_before_any_motion(mo
 
 @pytest.mark.parametrize("tare", [NO_TARE, Tare(slave_position=12e-3, contact_force=5.0)])
 def test_the_rehearsal_is_active_for_any_tare_and_limits(monkeypatch, tare):
-    loops = []
+    modes = set()
 
     class Spy(Loop):
-        def __init__(self, *parts):
-            super().__init__(*parts)
-            loops.append(self)
+        def step(self):
+            goes_on = super().step()
+            modes.add(self.controller.mode)
+            return goes_on
 
     monkeypatch.setattr("teleop.trial.rehearsal.Loop", Spy)
     limits = replace(QUICK.raw_limits, soft_force=0.1, hard_force=0.2)
-    assert 1e-6 < tick_cost(replace(QUICK, tare=tare, custom_limits=limits)) < 0.1
-    assert loops[0].controller.mode is Mode.ACTIVE
+    measured = rehearse(replace(QUICK, tare=tare, custom_limits=limits), 0.1)
+    assert 1e-6 < measured.work < 0.1
+    assert Mode.ACTIVE in modes
 
 
 def test_a_rehearsal_with_a_safety_stop_is_refused(monkeypatch):
     limits = replace(QUICK.raw_limits, soft_force=0.1, hard_force=0.2)
     monkeypatch.setattr("teleop.settings.trial_settings.simulated_rig_limits", lambda *_: limits)
     with pytest.raises(InputError, match="rehearsal on the simulated rig: stopped .* force limit"):
-        tick_cost(TrialSettings(condition="autonomous", duration=1.0))
+        rehearse(TrialSettings(condition="autonomous"), 1.0)
 
 
 class SlowToRead(SimulatedRig):
@@ -419,10 +417,12 @@ def test_other_rates_find_the_stiffness_too(rate):
 
 
 def test_an_interrupt_while_the_estimates_are_completed_closes_the_recording(monkeypatch, tmp_path):
-    def close(self):
-        raise KeyboardInterrupt
+    def advance(self):
+        if self._ticks.newest > 500:
+            raise KeyboardInterrupt
+        return False
 
-    monkeypatch.setattr(later_estimates.LaterEstimates, "close", close)
+    monkeypatch.setattr("teleop.streams.estimation.StreamEstimation.advance", advance)
     path = tmp_path / "run.mcap"
     with pytest.raises(KeyboardInterrupt):
         run_trial(replace(QUICK, duration=0.5), path)
@@ -453,7 +453,7 @@ def test_a_hardware_rig_is_opened_only_if_a_person_has_armed_it(monkeypatch):
         raise Opened
 
     monkeypatch.setattr("drivers.wired_rig.WiredRig.open", opened)
-    monkeypatch.setattr("teleop.trial.run.check_rate", lambda settings: 0.0)
+    monkeypatch.setattr("teleop.trial.run.check_rate", lambda settings, real: None)
     settings = TrialSettings(
         rig=read_rig_file(RIGS / "serial-board.toml"), specimen="liver", depth=3e-3
     )

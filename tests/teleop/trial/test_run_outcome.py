@@ -10,26 +10,27 @@ from drivers import RigError
 from sim_backend import SimulatedRig
 from sim_backend.faults import FaultyRig, Replaced
 from teleop.cli import main
-from teleop.recording.recorder import RecorderProcess
+from teleop.recording.recorder import Recorder
 from teleop.recording.recording import load
 from teleop.safety import Request
+from teleop.streams.stream import Stream
 
 RUN = ["run", "--clock", "virtual", "--duration", "1"]
 
 
 @pytest.fixture
 def at_tick(monkeypatch):
-    """Calls a function before a tick is pushed."""
+    """Calls a function before a tick is written."""
 
     def call(number, function):
-        push, count = RecorderProcess.push, iter(range(10**9))
+        write = Stream.write
 
-        def pushed(self, message):
-            if next(count) == number:
+        def written(stream, record):
+            if stream.newest == number:
                 function()
-            push(self, message)
+            write(stream, record)
 
-        monkeypatch.setattr(RecorderProcess, "push", pushed)
+        monkeypatch.setattr(Stream, "write", written)
 
     return call
 
@@ -117,12 +118,12 @@ def test_a_safety_stop_sets_the_exit_code_before_a_full_disk_and_both_are_report
     tmp_path, capsys, monkeypatch, fault
 ):
     path = tmp_path / "a.mcap"
-    close = RecorderProcess.close
+    finish = Recorder.finish
 
     def full(self):
-        return close(self)._replace(problem="no space left on device")
+        return finish(self) | {"problem": "no space left on device"}
 
-    monkeypatch.setattr(RecorderProcess, "close", full)
+    monkeypatch.setattr(Recorder, "finish", full)
     assert main([*RUN, "--record", str(path)]) == 3
     out, err = capsys.readouterr()
     assert err.splitlines() == [

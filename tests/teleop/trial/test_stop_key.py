@@ -254,7 +254,7 @@ def test_a_run_whose_terminal_is_lost_ramps_down(run, tmp_path):
 
 
 def test_on_a_system_without_terminals_the_instructions_say_that_there_is_no_key(monkeypatch):
-    monkeypatch.setattr("teleop.trial.stop_switch.find_spec", lambda name: None)
+    monkeypatch.setattr("teleop.trial.stop_switch.posix_module", lambda name: None)
     switch = StopSwitch(key=True)
     assert "no stop key: not available on this system" in switch.instructions
     with switch, switch.reading_keys():

@@ -154,6 +154,9 @@ class HostEnd:
         return data
 
     def write(self, data: bytes, timeout: float) -> int:
+        return self.send(data)
+
+    def send(self, data: bytes) -> int:
         self.plugged().to_device += data
         return len(data)
 

@@ -10,7 +10,9 @@ import subprocess
 import sys
 import threading
 import time
+import zipfile
 from pathlib import Path
+from unittest.mock import Mock
 
 import can
 import pytest
@@ -116,7 +118,7 @@ def test_the_check_reports_channels_round_trips_and_watchdogs(tmp_path, undemand
     path = undemanding_rig("odrive-bota", tmp_path / "odrive-bota.toml")
     with served(path, tmp_path) as (rig, emulator):
         for _ in range(1 + REPEATS):
-            checked = teleop("rig", "check", rig, "--seconds", 0.3, "--json")
+            checked = teleop("rig", "check", rig, "--seconds", 0.3, "--duration", 0.5, "--json")
             if not busy_cause(checked.stderr, on_devices=True):
                 break
         assert not emulator.mechanism.driven
@@ -129,6 +131,53 @@ def test_the_check_reports_channels_round_trips_and_watchdogs(tmp_path, undemand
     assert {drive["name"] for drive in report["drives"]} == {"master", "slave"}
     assert all(drive["watchdog_s"] > 0.0 for drive in report["drives"])
     assert all(drive["moved_m"] is None for drive in report["drives"])
+    loop = report["loop"]
+    assert loop["verdict"] in ("yes", "with delays")
+    assert loop["ticks"] + loop["skipped"] == pytest.approx(0.5 * loop["rate_hz"], rel=0.2)
+    assert loop["tick_us"]["devices"]["p50"] > 0.0
+    assert loop["watchdog_s"] == 0.08  # of the supervisor: those of this rig are longer
+    assert loop["margin_s"] == loop["watchdog_s"] - loop["longest_gap_s"]
+    assert all(0.0 < load < 1.0 for load in loop["bus_load"].values())
+
+
+@pytest.mark.real_time
+def test_a_report_has_everything_that_the_developers_need(tmp_path, undemanding_rig):
+    path = undemanding_rig("odrive-bota", tmp_path / "odrive-bota.toml")
+    out = tmp_path / "report.zip"
+    short = ("--seconds", 0.3, "--duration", 0.3)
+    with served(path, tmp_path) as (rig, _):
+        for _ in range(1 + REPEATS):
+            done = teleop("rig", "report", rig, "--out", out, *short, "--overwrite")
+            if not busy_cause(done.stderr, on_devices=True):
+                break
+    assert done.returncode == 0, done.stderr
+    with zipfile.ZipFile(out) as archive:
+        report = json.loads(archive.read("report.json"))
+        assert archive.read("rig.toml").decode() == rig.read_text()
+        wire = archive.read("wire.txt").decode().splitlines()
+    assert report["error"] == ""
+    assert report["software"]["software"].startswith("teleop ")
+    assert "python-can" in report["software"]["drivers"]
+    assert report["devices"]["master"] == {"firmware": "0.6.10"}
+    assert report["check"]["loop"]["ticks"] > 0
+    assert {drive["name"] for drive in report["check"]["drives"]} == {"master", "slave"}
+    buses = {line.split()[1] for line in wire}
+    assert buses == {"can", "handle", "contact"}
+    ways = {tuple(line.split()[1:3]) for line in wire}
+    assert {("can", ">"), ("can", "<"), ("contact", "<")} <= ways
+
+
+def test_a_report_about_a_rig_that_cannot_be_opened_states_why(tmp_path, refused):
+    out = tmp_path / "report.zip"
+    line = refused("rig", "report", BOARD, "--out", out)
+    assert "port /dev/ttyACM0 cannot be opened" in line
+    assert f"this is in {out}" in line
+    with zipfile.ZipFile(out) as archive:
+        report = json.loads(archive.read("report.json"))
+    assert "port /dev/ttyACM0 cannot be opened" in report["error"]
+    assert report["check"] is None
+    assert "expected a new file, or --overwrite" in refused("rig", "report", BOARD, "--out", out)
+    assert "expected a file ending in .zip" in refused("rig", "report", BOARD, "--out", "a.txt")
 
 
 def controller(rig):
@@ -200,7 +249,7 @@ def used_bus(tmp_path, monkeypatch):
     (tmp_path / "rig.toml").write_text(text.replace("/dev/ttyACM0", channel))
     (tmp_path / "plan.toml").write_text(PLAN)
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(can, "Bus", lambda **options: None)
+    monkeypatch.setattr(can, "Bus", lambda **options: Mock())
     bus = CanBus("can", time.monotonic, "socketcan", channel, None, {})
     bus.open()
     monkeypatch.setattr(can, "Bus", lambda **options: pytest.fail("the bus was opened"))
@@ -238,6 +287,7 @@ def test_a_bus_that_another_process_uses_is_not_opened(used_bus, refused, argume
         (("run", "--depth", "5"), "expected a length with its unit"),
         (("run", "--depth", "5m"), "expected more than 0 and at most 100 mm"),
         (("rig", "check", BOARD, "--seconds", "0"), "expected 0.1 to 3600"),
+        (("rig", "check", BOARD, "--duration", "0"), "duration 0 s: expected 0.1 to 3600"),
         (("rig", "emulate", "nowhere.toml"), "nowhere.toml"),
         (("rig", "emulate", BOARD, "--fault", "melt:usb@1"), "KIND:BUS@SECONDS"),
         (("rig", "emulate", BOARD, "--fault", "drop:usb"), "KIND:BUS@SECONDS"),

@@ -15,6 +15,7 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
+import numpy as np
 import pytest
 import tomlkit
 
@@ -25,8 +26,10 @@ from teleop.cli import main
 from teleop.control.clock import VirtualClock
 from teleop.errors import InputError
 from teleop.rig.drive_check import STROKES, check_drives
-from teleop.safety import Fault
+from teleop.safety import Fault, Limits
 from teleop.safety.rig_limits import rig_limits
+from teleop.trial.loop_verdict import LoopTiming, verdict_of
+from teleop.trial.other_programs import NOT_KNOWN
 from teleop.trial.realtime import RealTime
 
 RIGS = ["serial-board", "odrive-bota", "cia402-ft300"]
@@ -257,6 +260,12 @@ def test_a_wire_that_fails_during_the_check_is_a_stop_for_safety(in_memory, at):
     assert not checked.driven
 
 
+CALM = np.zeros(1000)
+PUNCTUAL = verdict_of(
+    LoopTiming.of_ticks(1000.0, CALM, CALM, CALM + 1e-4, CALM[:0], NOT_KNOWN), Limits()
+)
+
+
 @pytest.fixture
 def command(monkeypatch):
     """Runs `teleop rig check --move` on an emulated rig in virtual time."""
@@ -265,7 +274,9 @@ def command(monkeypatch):
         monkeypatch.setattr("teleop.control.clock.RealClock", VirtualClock)
         monkeypatch.setattr("drivers.wired_rig.WiredRig", lambda file, now: trial.make_rig(now))
         monkeypatch.setattr("teleop.trial.realtime.realtime", lambda mode: RealTime("off", ()))
-        monkeypatch.setattr("teleop.rig.channel_check.round_trips", lambda rig, clock: [])
+        monkeypatch.setattr("teleop.rig.whole_check.round_trips", lambda rig, clock: [])
+        # the emulated devices run in this process, and would be a part of each tick
+        monkeypatch.setattr("teleop.rig.whole_check.check_loop", lambda rig, seconds: PUNCTUAL)
         path = str(trial.file.path)
         return main(["rig", "check", path, "--seconds", "0.2", "--move", "--yes", *options])
 

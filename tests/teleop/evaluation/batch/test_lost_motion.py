@@ -99,6 +99,16 @@ def test_gradual_friction_is_found_and_its_effect_is_in_the_intervals(motion):
     assert found.b_low <= 20.0 <= found.b_high
 
 
+def test_lost_motion_is_found_where_many_powers_of_the_position_leave_only_noise():
+    x = sine(2.7)[::4]
+    tip = behind_dahl(np.tile(x, 2), 160e-6)[len(x) :]
+    force = K * tip + 20.0 * np.gradient(tip, 4.0 / RATE)
+    noisy = force + np.random.default_rng(6).normal(0.0, 1.7e-2 * np.ptp(force), len(x))
+    found = analyse(Signals(T[::4], x, noisy, periods(T[::4]), "position")).result
+    assert found.lost_motion is not None
+    assert found.b == pytest.approx(20.0, rel=0.25)
+
+
 @pytest.mark.parametrize("body", [linear, stiffening, relaxing, springpot])
 @pytest.mark.parametrize("motion", [sine, several_frequencies])
 def test_no_lost_motion_is_invented_on_a_rigid_rig(body, motion):

@@ -64,4 +64,6 @@ def test_a_missing_library_and_a_damaged_file_are_reported_in_one_line(
     path.write_bytes(path.read_bytes()[:2000])
     assert "data.xlsx: cannot be read as a spreadsheet" in refused("estimate", path)
     without("python_calamine")
-    assert "Excel needs python-calamine: pip install '.[formats]'" in refused("estimate", path)
+    assert "Excel needs python-calamine: expected pip install 'telepalpation[formats]'" in refused(
+        "estimate", path
+    )

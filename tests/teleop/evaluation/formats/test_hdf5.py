@@ -60,7 +60,9 @@ def test_a_missing_library_and_a_damaged_file_are_reported_in_one_line(
     assert "data.h5: cannot be read as HDF5" in refused("estimate", path)
     path.write_bytes(whole)
     without("h5py")
-    assert "HDF5 needs h5py: pip install '.[formats]'" in refused("estimate", path)
+    assert "HDF5 needs h5py: expected pip install 'telepalpation[formats]'" in refused(
+        "estimate", path
+    )
 
 
 def elsewhere(file, kind, name):
@@ -109,4 +111,5 @@ def test_images_and_datasets_larger_than_the_memory_are_reported(tmp_path, motio
     motion.same(read_signals(path))
     with h5py.File(path, "a") as file:
         file.create_dataset("long", (1 << 42,), "f8", chunks=(64,))
-    assert "it needs more memory than" in refused("estimate", path)
+    expected = "it needs more memory than"
+    assert expected in refused("estimate", path)

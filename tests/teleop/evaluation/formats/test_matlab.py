@@ -74,4 +74,6 @@ def test_version_7_3_is_read(tmp_path, motion, without, refused):
     motion.same(read_signals(path))
     motion.same(read_signals(path, "matrix[2]=m", "matrix[3]=N", "matrix[1]=s"))
     without("h5py")
-    assert "HDF5 needs h5py: pip install '.[formats]'" in refused("estimate", path)
+    assert "HDF5 needs h5py: expected pip install 'telepalpation[formats]'" in refused(
+        "estimate", path
+    )

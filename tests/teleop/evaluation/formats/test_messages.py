@@ -82,7 +82,9 @@ def test_the_fields_of_a_bag_are_listed_with_their_units(bag, refused):
 
 def test_a_bag_without_its_library_is_refused_in_one_line(bag, refused, without):
     without("rosbags")
-    assert "a ROS bag needs rosbags: pip install '.[formats]'" in refused("estimate", bag)
+    assert "a ROS bag needs rosbags: expected pip install 'telepalpation[formats]'" in refused(
+        "estimate", bag
+    )
 
 
 def test_a_damaged_bag_is_refused_in_one_line(tmp_path, refused):
@@ -214,7 +216,7 @@ def test_a_foreign_file_that_was_cut_off_is_refused_in_one_line(json_mcap, refus
 def test_a_missing_library_is_named(ros2_mcap, refused, without):
     without("mcap_ros2")
     message = refused("estimate", ros2_mcap)
-    assert "needs mcap-ros2-support: pip install '.[formats]'" in message
+    assert "needs mcap-ros2-support: expected pip install 'telepalpation[formats]'" in message
 
 
 def test_a_topic_is_for_files_of_messages(tmp_path, refused):

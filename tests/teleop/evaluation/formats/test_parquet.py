@@ -50,4 +50,6 @@ def test_a_missing_library_and_a_damaged_file_are_reported_in_one_line(
     path.write_bytes(path.read_bytes()[:300])
     assert "data.parquet: cannot be read as Parquet" in refused("estimate", path)
     without("pyarrow")
-    assert "Parquet needs pyarrow: pip install '.[formats]'" in refused("estimate", path)
+    assert "Parquet needs pyarrow: expected pip install 'telepalpation[formats]'" in refused(
+        "estimate", path
+    )

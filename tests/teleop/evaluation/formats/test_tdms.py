@@ -59,7 +59,9 @@ def test_a_missing_library_and_a_damaged_file_are_reported_in_one_line(
     path.write_bytes(path.read_bytes()[:40])
     assert "data.tdms" in refused("estimate", path)
     without("nptdms")
-    assert "TDMS needs npTDMS: pip install '.[formats]'" in refused("estimate", path)
+    assert "TDMS needs npTDMS: expected pip install 'telepalpation[formats]'" in refused(
+        "estimate", path
+    )
 
 
 def test_what_the_library_warns_of_is_a_note_and_not_printed(tmp_path, motion, capsys):

@@ -91,13 +91,12 @@ def test_a_worker_that_ended_is_replaced(second):
 
 
 WORKER = """
-import importlib.metadata as metadata, sys
-installed = metadata.version
+import sys, telepalpation
 {change}
 from distributed.cli.dask_worker import main
 main()
 """
-OTHER_VERSION = "metadata.version = lambda name: '0.0.1' if name == 'teleop' else installed(name)"
+OTHER_VERSION = "telepalpation.__version__ = '0.0.1'"
 NOT_INSTALLED = "sys.modules['teleop'] = None"
 
 
