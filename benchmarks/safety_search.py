@@ -54,7 +54,6 @@ from teleop.live.cells import ARM, END, LONGEST_ROUND_TRIP, PROCESS, STOP
 from teleop.safety import Fault, Mode, stops_immediately
 from teleop.safety.channels import DetectedFault
 from teleop.settings.trial_settings import TrialSettings
-from teleop.streams.estimation import Estimation
 from teleop.trial.assembly import make_layout, make_link
 from teleop.trial.page_requests import PAGE_AGE, PROCESS_SILENCE
 from teleop.trial.stop_switch import StopSwitch

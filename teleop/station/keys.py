@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from drivers.input_file import read_input
+from drivers.posix import is_posix
 from teleop.errors import InputError
 from teleop.files import unreadable, unwritable
 from teleop.names import SideName
@@ -63,7 +64,7 @@ def read_key(path: Path) -> bytes:
         data, mode = read_input(path), path.stat().st_mode
     except OSError as error:
         raise unreadable(path, error) from error
-    if os.name == "posix" and mode & 0o077:
+    if is_posix() and mode & 0o077:
         raise InputError(
             f"{path}: other users of this computer can read the key: expected a file that only its "
             f"owner can read (chmod 600 {path})"
