@@ -595,7 +595,7 @@ class SafetySearch(RuleBasedStateMachine):
             for i, direction in enumerate((link.reports, link.motions)):
                 self.cut[i] = self.cut[i] + record.dt if direction.cut else 0.0
             assert max(self.cut) <= longest
-            assert not link.values.port_energy < -link._master.allowance
+            assert not link.values.port_energy < -link._master.law.allowance
 
 
 def search(trials: int, seed: int | None = None) -> None:

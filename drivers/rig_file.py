@@ -225,10 +225,31 @@ def reference_problems(rig: RigFile, declared: frozenset[str]) -> Iterator[str]:
                 for problem in axis_problems(name, rig, devices):
                     yield f"drives.{name}{problem}"
         slave, master = sections.drives.slave, sections.drives.master
-        if master and master.device == slave.device in devices:
+        yield from side_problems(sections)
+        if slave and master and master.device == slave.device in devices:
             names = {sole_drive(devices[slave.device], one.drive) for one in (master, slave)}
             if len(names) == 1 and "" not in names:
                 yield "drives.master: same drive as drives.slave: expected another drive"
+
+
+def side_problems(sections: RigSections) -> Iterator[str]:
+    """Yield the problems of a rig that has no complete slave.
+
+    A rig without drives.slave is the master side of a telemanipulator on two computers.
+    """
+    if sections.drives.slave is None and sections.drives.master is None:
+        yield (
+            "drives: expected drives.slave, or drives.master in the rig file of the master side of "
+            "two stations"
+        )
+    channels = sections.channels
+    if channels is None:
+        return
+    for name in ("contact_force", "slave_position"):
+        if sections.drives.slave and getattr(channels, name) is None:
+            yield f"channels.{name}: missing: expected it for the slave"
+        elif not sections.drives.slave and getattr(channels, name):
+            yield f"channels.{name}: the rig has no drives.slave: expected no such channel"
 
 
 def bus_problems(

@@ -184,11 +184,12 @@ class ChannelsSettings(Section):
     """Section `[channels]` of a rig file: the settings of all channels.
 
     Without `master_force`, the force of the hand is that of the virtual coupling of the master's
-    drive. A rig without this channel and without this drive has no handle.
+    drive. A rig without this channel and without this drive has no handle. Only the master side of
+    a telemanipulator on two computers has no contact force and no position of the slave.
     """
 
-    contact_force: ForceSettings
-    slave_position: PositionSettings
+    contact_force: ForceSettings | None = None
+    slave_position: PositionSettings | None = None
     master_force: ForceSettings | None = None
     master_position: PositionSettings | None = None
     slave_velocity: VelocitySettings | None = None
@@ -240,10 +241,11 @@ class DriveSettings(Section):
 class DrivesSettings(Section):
     """Section `[drives]` of a rig file: the settings of the drives of slave and master.
 
-    The drive of the master is optional. Without this drive, the handle is passive.
+    The drive of the master is optional. Without this drive, the handle is passive. Only the master
+    side of a telemanipulator on two computers has no drive of the slave.
     """
 
-    slave: DriveSettings
+    slave: DriveSettings | None = None
     master: DriveSettings | None = None
 
     def items(self) -> Iterator[tuple[str, DriveSettings]]:
@@ -310,6 +312,17 @@ class RigSections(Section):
     drives: DrivesSettings
     limits: LimitsSettings
     transmission: TransmissionSettings | None = None
+
+    @property
+    def has_slave(self) -> bool:
+        """Whether the rig has a slave. If not, it is the master side of two computers."""
+        return self.drives.slave is not None
+
+    @property
+    def has_master(self) -> bool:
+        """Whether the rig has a part of a master: its drive, or a channel."""
+        channels = self.channels
+        return bool(self.drives.master or channels.master_force or channels.master_position)
 
 
 def coupling_of(drive: DriveSettings, period: float) -> CouplingParameters | None:

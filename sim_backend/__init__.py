@@ -6,6 +6,7 @@ from sim_backend.cube import Cube
 from sim_backend.faults import FaultyRig
 from sim_backend.force_master import ForceMaster
 from sim_backend.force_palpation import ForcePalpation
+from sim_backend.one_side import OneSidedRig
 from sim_backend.operator_model import OperatorModel
 from sim_backend.operators import ARM, AttentiveOperator, FreePalpation, MimickedSine, Operator
 from sim_backend.paper_rig import (
@@ -46,6 +47,7 @@ __all__ = [
     "Intention",
     "Law",
     "MimickedSine",
+    "OneSidedRig",
     "Operator",
     "OperatorModel",
     "Plant",

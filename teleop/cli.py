@@ -22,12 +22,14 @@ from teleop.commands.lag import lag
 from teleop.commands.list_installed import list_installed
 from teleop.commands.live import live
 from teleop.commands.machine import machine
+from teleop.commands.merge import merge
 from teleop.commands.recover import recover
 from teleop.commands.report import report
 from teleop.commands.reproduce import reproduce
 from teleop.commands.rig import rig
 from teleop.commands.run import run
 from teleop.commands.series import series
+from teleop.commands.station import station
 from teleop.commands.sweep import sweep
 from teleop.errors import InputError, SafetyStop
 from teleop.interruption import Interruption
@@ -71,6 +73,8 @@ for command in (
     reproduce,
     config,
     series,
+    station,
+    merge,
     sweep,
     live,
     rig,

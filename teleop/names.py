@@ -17,6 +17,8 @@ ConditioningName = Literal["matched", "svf", "foaw", "difference"]
 ModelName = Literal["kelvin-voigt", "datum", "inertia", "stiffening", "sls"]
 PresetName = Literal["scaled", "paper"]
 RealtimeName = Literal["require", "try", "off"]
+SideName = Literal["master", "slave"]
+RecordedSideName = Literal[SideName, "both"]
 WidthName = Literal["screen", "single", "double", "a4"]
 
 FORCE_SENSOR = "force sensor"

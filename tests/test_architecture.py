@@ -63,10 +63,11 @@ ROOMS = {
     "recording": {"safety", "streams", "live"},
     "evaluation": {"streams", "recording"},
     "settings": {"safety", "control", "recording"},
+    "station": {"safety", "control", "settings"},
     "output": {"safety", "control", "streams", "recording", "evaluation", "settings"},
     "trial": {
         *("safety", "control", "streams", "live", "recording"),
-        *("evaluation", "output", "settings"),
+        *("evaluation", "output", "settings", "station"),
     },
     "rig": {"safety", "control", "streams", "recording", "settings", "trial"},
     "studies": {
@@ -75,7 +76,7 @@ ROOMS = {
     },
     "commands": {
         *("safety", "control", "streams", "live", "recording"),
-        *("evaluation", "output", "settings", "trial", "rig", "studies"),
+        *("evaluation", "output", "settings", "trial", "rig", "station", "studies"),
     },
 }
 """The rooms of `teleop`, and those that each may import from."""

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from teleop.settings.trial_settings import TrialSettings
     from teleop.trial.live_link import LiveLink
     from teleop.trial.result import Trial
+    from teleop.trial.station_waiting import Waiting
     from teleop.trial.stop_switch import StopSwitch
 
 
@@ -99,6 +100,8 @@ class TrialRunner:
     link: LiveLink | None = None
     explained: bool = False
     """Whether a person has been told how to stop the trial."""
+    station: Waiting | None = None
+    """Session with the other station; None on one computer."""
     switch: StopSwitch | None = None
     """Means to stop the latest trial; None before the first trial."""
 
@@ -158,6 +161,7 @@ class TrialRunner:
                 self.realtime if settings.clock == "real" else "off",
                 overwrite=bool(reserved),
                 live=self.link,
+                station=self.station,
                 arm=True,  # `teleop run` has asked, or the live page asks
             )
         finally:

@@ -136,7 +136,8 @@ def emulate(
                     "depth": f"{settings.setup.depth * 1e3:g}mm",
                     **({} if frequency is None else {"frequency": f"{frequency:g}"}),
                 }
-                rig_tables.print_emulation(rig.sections.name, ports, out, palpation)
+                sections = rig.sections
+                rig_tables.print_emulation(sections.name, ports, out, palpation, sections.has_slave)
             real_time.start()
             emulator.serve(stopped, changes_of(palpated, emulator.mechanism))
     finally:

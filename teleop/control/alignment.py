@@ -57,10 +57,11 @@ class Alignment:
         sampled = now - age.slave_position
         if not positions or sampled - positions[-1][0] > SAME_TIME:
             positions.append((sampled, measurement.slave_position))
-        sampled = now - age.contact_force
-        if sampled - self._seen > SAME_TIME:
+        sampled, force = now - age.contact_force, measurement.contact_force
+        # a rig without a slave has no contact force: it is NaN
+        if sampled - self._seen > SAME_TIME and force == force:
             self._seen = sampled
-            forces.append((sampled, measurement.contact_force))
+            forces.append((sampled, force))
         if not forces or forces[0][0] - positions[-1][0] > SAME_TIME:
             return None
         sampled, force = forces.popleft()

@@ -1,8 +1,6 @@
 """Link between master and slave with a communication channel and a force-feedback law.
 
-The law computes the force that the hand feels, and the desired velocity of the slave. It consists
-of two halves, one at the master and one at the slave. The halves exchange data only through the
-channel.
+The master side and the slave side (`sides.py`) exchange data only through a simulated channel.
 """
 
 from __future__ import annotations
@@ -11,16 +9,11 @@ import math
 from typing import NamedTuple
 
 from drivers import Command, Measurement, new_tuple
-from teleop.control.admittance import Admittance
 from teleop.control.channel import ChannelSettings, Direction
-from teleop.control.coupling import Coupling
-from teleop.control.feedback.law import MasterHalf, MasterMotion, Report, SlaveHalf
-from teleop.control.feedback.oscillation import MOST_SHARE, SLOWEST, Oscillation
-from teleop.control.feedback.port_energy import PortEnergy
+from teleop.control.feedback.law import MasterMotion, Report
 from teleop.control.link import Link
-from teleop.control.playout import Playout
-from teleop.safety import Fault, Verdict
-from teleop.safety.channels import DetectedFault
+from teleop.control.sides import MasterSide, SlaveSide, silence_fault
+from teleop.safety import Verdict
 
 
 class LinkValues(NamedTuple):
@@ -45,37 +38,21 @@ NO_VALUES = LinkValues(*[math.nan] * len(LinkValues._fields))
 
 
 class BilateralLink(Link):
-    """Link between master and slave with a communication channel and a force-feedback law.
+    """Master side and slave side in one process, with a simulated channel between them.
 
-    The coupling is used here only to compute the initial position of the virtual mass. `closed`
-    states whether the law displays a force to the hand: only then can the loop through the hand
-    oscillate, which is observed.
+    The delays and losses of the channel depend only on its settings and on `seed`.
     """
 
     def __init__(
-        self,
-        admittance: Admittance,
-        coupling: Coupling,
-        master: MasterHalf,
-        slave: SlaveHalf,
-        channel: ChannelSettings,
-        seed: int = 0,
-        closed: bool = True,
+        self, master: MasterSide, slave: SlaveSide, channel: ChannelSettings, seed: int = 0
     ) -> None:
-        self._admittance = admittance
-        self._coupling = coupling
         self._master, self._slave = master, slave
         self._max_silence = channel.max_silence
         self.reports = Direction(channel, f"reports {seed}", Report())
         self.motions = Direction(channel, f"motions {seed}", MasterMotion(0.0))
-        self._playout = Playout(channel.delay + channel.jitter)
-        self._energy = PortEnergy(admittance)
-        self._oscillation = Oscillation() if closed else None
         self.values = NO_VALUES
-        # The controller calls both methods at each tick. The methods of the slave half are called
-        # directly, because a method of this class that calls them would add 0.3 us.
-        self.observe = slave.observe  # type: ignore[method-assign]
-        self.stiffness = slave.stiffness  # type: ignore[method-assign]
+        self.observe = self._slave.observe  # type: ignore[method-assign]
+        self.stiffness = self._slave.stiffness  # type: ignore[method-assign]
 
     def align(self, measurement: Measurement) -> None:
         """Put the virtual mass at rest, and reset the force-feedback law and the channel.
@@ -83,91 +60,36 @@ class BilateralLink(Link):
         The virtual mass is put at the position that corresponds to that of the slave's tip. This
         method is called each time the drives are armed.
         """
-        self._admittance.align(self._slave.tip(measurement) / self._coupling.scale)
-        self._master.align()
-        self._slave.align()
-        self._energy.reset()
-        if self._oscillation:
-            self._oscillation.reset(self._admittance.position)
         now = measurement.time
+        still = self._master.align(self._slave.align(measurement))
         self.reports.reset(now, Report())
-        still = MasterMotion(self._admittance.position)
         self.motions.reset(now, still)
-        self._playout.reset(now, still)
-        self._start = self._admittance.position
-        self._started = self._force = self._dt = 0.0
         self.faults, self.values = (), NO_VALUES
 
     def step(self, force: float, measurement: Measurement, dt: float) -> Command:
         """Advance the link by one tick, and return the desired velocities of both drives [m/s]."""
         now = measurement.time
-        reports, motions, admittance = self.reports, self.motions, self._admittance
-        report = reports.exchange(now, self._slave.report(measurement, dt))
-        master = self._master
-        energy = self._energy.update(
-            self._started, master.state.displayed, self._dt, master.reserve
-        )
-        start, share = admittance.position, 0.0
-        if oscillation := self._oscillation:
-            share = oscillation.update(self._force, start, self._dt)
-        self._start = start
+        reports, motions, master, slave = self.reports, self.motions, self._master, self._slave
+        report = reports.exchange(now, slave.report(measurement, dt))
         newest = motions.exchange(now, master.step(force, report, dt))
-        motion = self._playout.update(now, motions.sent, newest)
-        slave = self._slave.velocity(motion, measurement, dt)
-        displayed, model, tank = master.state
-        self._started, self._force, self._dt = master.started, force, dt
+        velocity, motion = slave.step(motions.sent, newest, measurement, dt)
         due = reports.due if reports.due < motions.due else motions.due
         silence = now - due
-        if silence > self._max_silence or energy < -master.allowance or share > MOST_SHARE:
-            self.faults = self._detected(now, silence, energy, share)
-        k, k3, b, _ = model
+        if silence > self._max_silence or master.has_fault:
+            faults = master.faults(now)
+            if silence > self._max_silence:
+                faults.insert(0, silence_fault(now, silence, self._max_silence))
+            self.faults = tuple(faults)
         values = (
-            displayed,
-            k,
-            k3,
-            b,
-            tank,
-            energy,
+            *master.values,
             motion.energy,
             report.energy,
             now - reports.sent,
-            now - self._playout.time,
+            now - slave.playout.time,
         )
         self.values = new_tuple(LinkValues, values)
-        return new_tuple(Command, (admittance.velocity, slave))
+        return new_tuple(Command, (master.admittance.velocity, velocity))
 
     def follow(self, verdict: Verdict, desired: Command, applied: Command, dt: float) -> None:
-        """Move the virtual mass like the handle if the supervisor changed the master's velocity.
-
-        If the supervisor changes only the velocity of the slave, the virtual mass is not changed.
-        The hand feels this change only through the channel and the force-feedback law.
-        """
-        if verdict.command.master_velocity != desired.master_velocity:
-            admittance, velocity = self._admittance, applied.master_velocity
-            admittance.position, admittance.velocity = self._start + velocity * dt, velocity
-
-    def _detected(
-        self, now: float, silence: float, energy: float, share: float
-    ) -> tuple[DetectedFault, ...]:
-        """Return the faults of the link at this tick; an empty tuple if there is none.
-
-        There are three possible faults: no packet has arrived for too long, the force feedback has
-        given too much energy to the hand, or the loop sustains an oscillation of the hand.
-        """
-        faults = []
-        if silence > (most := self._max_silence):
-            source = f"silent for {silence * 1e3:.0f} ms, at most {most * 1e3:g} ms"
-            faults.append(DetectedFault(Fault.CHANNEL_SILENT, source, silence, most, now - silence))
-        if energy < -(allowed := self._master.allowance):
-            source = (
-                f"the displayed environment has given out {-energy * 1e3:.1f} mJ, at most "
-                f"{allowed * 1e3:g} mJ"
-            )
-            faults.append(DetectedFault(Fault.PORT_ENERGY, source, energy, -allowed, now))
-        if share > MOST_SHARE:
-            source = (
-                f"the loop sustains {share:.0%} of the motion of the hand, at more than "
-                f"{SLOWEST:g} Hz, at most {MOST_SHARE:.0%}"
-            )
-            faults.append(DetectedFault(Fault.OSCILLATION, source, share, MOST_SHARE, now))
-        return tuple(faults)
+        """Move the virtual mass like the handle if the supervisor changed the master's velocity."""
+        self._master.follow(verdict, desired, applied, dt)

@@ -118,15 +118,24 @@ class Direction(Generic[T]):
             self.due = self.sent = now
             self.value = value
             return value
+        self.send(now, value)
+        return self.receive(now)
+
+    def send(self, now: float, value: T) -> None:
+        """Send a value at the time `now` [s]."""
         queue = self._queue
-        if not (self.cut or (self._loss and self._random() < self._loss)):
-            arrival = now + self._delay
-            if self._jitter:
-                arrival += self._jitter * self._random()
-            while queue and queue[-1][0] >= arrival:
-                queue.pop()  # it would arrive after this newer packet
-            queue.append((arrival, now, value))
-        latest = now + ROUNDING
+        if self.cut or (self._loss and self._random() < self._loss):
+            return
+        arrival = now + self._delay
+        if self._jitter:
+            arrival += self._jitter * self._random()
+        while queue and queue[-1][0] >= arrival:
+            queue.pop()  # it would arrive after this newer packet
+        queue.append((arrival, now, value))
+
+    def receive(self, now: float) -> T:
+        """Return the value of the newest packet that has arrived until the time `now` [s]."""
+        queue, latest = self._queue, now + ROUNDING
         while queue and queue[0][0] <= latest:
             _, self.sent, self.value = queue.popleft()
             self.due = now

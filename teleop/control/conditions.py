@@ -166,6 +166,16 @@ class Mimicry(Teleoperation):
         return self._target.position(t)
 
 
+class Followed(Condition):
+    """Condition of a slave station: the master at the other station moves."""
+
+    instruction = "the master at the other station moves the slave"
+
+    def drive_force(self, t: float, measurement: Measurement) -> float:
+        """Return 0: there is no master here [N]."""
+        return 0.0
+
+
 class Autonomous(Condition):
     """Control condition `autonomous`: the PE injector moves the slave along a known signal."""
 

@@ -119,6 +119,7 @@ class Controller:
         """Run one tick: read the rig, limit the velocities, and command the drives."""
         started = self._stopwatch()
         measurement, dt = self._read()
+        self._link.sense(measurement, dt)
         read = self._stopwatch()
         t = measurement.time - self._start
 

@@ -45,6 +45,12 @@ class Link(ABC):
     def prepare(self, settings: LinkSettings) -> None:  # noqa: B027
         """Prepare a trial with these settings. It is called once, before the first tick."""
 
+    def sense(self, measurement: Measurement, dt: float) -> None:  # noqa: B027
+        """Process the measurement of a tick, also while the drives are not armed.
+
+        The controller calls this method before the others. The base class does nothing.
+        """
+
     @abstractmethod
     def align(self, measurement: Measurement) -> None:
         """Put the virtual mass at rest at the position that corresponds to that of the slave.

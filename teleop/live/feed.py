@@ -38,6 +38,13 @@ NAMES = (
     "displayed_force",
     "model_stiffness",
     "report_age",
+    "other_mode",
+    "offset_low",
+    "offset_high",
+    "round_trip",
+    "lost_datagrams",
+    "overtaken_datagrams",
+    "rejected_datagrams",
 )
 """Columns of a tick that are sent to the live page, in addition to those of the estimators."""
 PARTS = ("k", "b", "k_std", "b_std", "held", "misfit")

@@ -143,12 +143,17 @@ def print_kinds(kinds: Sequence[Row]) -> None:
 
 
 def print_emulation(
-    name: str, ports: Mapping[str, str], out: Path, palpation: Mapping[str, Any]
+    name: str,
+    ports: Mapping[str, str],
+    out: Path,
+    palpation: Mapping[str, Any],
+    has_slave: bool = True,
 ) -> None:
     """Print the ports of an emulated rig, and the command that starts a trial with this rig.
 
     The devices of an emulated rig are simulated. They communicate over ports with the same
-    protocols as the real devices.
+    protocols as the real devices. `has_slave`: False for the master side of two
+    stations.
     """
     console = plain_console()
     body = f"{palpation['specimen']} cube, depth {palpation['depth'].removesuffix('mm')} mm"
@@ -157,6 +162,10 @@ def print_emulation(
         console.print(f"  {bus}: {port}")
     console.print("  for another operator, cube or depth, type it and Enter: mimic medium 5mm")
     options = [word for name, value in palpation.items() for word in (f"--{name}", value)]
+    if not has_slave:
+        run = ["teleop", "station", "master", str(out), "--connect", "ADDRESS", "--key", "FILE"]
+        print_command("  run against it", run)
+        return
     any_condition = "" if "condition" in palpation else ", with any --condition"
     print_command(
         f"  run against it{any_condition}", ["teleop", "run", "--rig", str(out), *options]

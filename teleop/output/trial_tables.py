@@ -54,6 +54,8 @@ def print_trial(summary: Mapping[str, Any], details: bool) -> None:
         print_steps(summary["steps"])
     if summary["pairs"]:
         print_results(console, summary, details)
+    if station := summary["station"]:
+        print_connection(console, station)
     loop = summary["loop"]
     if summary["clock"] != "virtual":
         print_loop(console, summary, details)
@@ -73,6 +75,20 @@ def print_trial(summary: Mapping[str, Any], details: bool) -> None:
         console.print(f"  black box: {recording['black_box']}", style="red")
     if recording["black_box_problem"]:
         console.print(f"  {recording['black_box_problem']}", style="red")
+
+
+def print_connection(console: Console, station: Mapping[str, Any]) -> None:
+    """Print what a station has measured of its connection to the other station."""
+    if "round_trip_s" not in station:
+        console.print(f"  {station['side']} station: its drives were not armed")
+        return
+    median, largest = station["round_trip_s"] * 1e3, station["round_trip_largest_s"] * 1e3
+    half = 0.5 * (station["offset_high_s"] - station["offset_low_s"]) * 1e3
+    counts = ", ".join(f"{station[name]} {name}" for name in ("lost", "overtaken", "rejected"))
+    console.print(
+        f"  {station['side']} station: round trip {median:.1f} ms, at most {largest:.1f} ms; time "
+        f"of the other station known to ± {half:.3g} ms; datagrams: {counts}"
+    )
 
 
 def print_results(console: Console, summary: Mapping[str, Any], details: bool) -> None:

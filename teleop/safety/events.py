@@ -57,6 +57,8 @@ class Fault(StrEnum):
     JUMP = "impossible jump"
     FROZEN = "frozen"
     CHANNEL_SILENT = "communication channel"
+    CHANNEL_SLOW = "delay of the channel"
+    OTHER_STATION = "other station"
     PORT_ENERGY = "energy at the handle"
     OSCILLATION = "oscillation"
     CONTROL_FAILURE = "control failure"

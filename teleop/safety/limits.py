@@ -7,6 +7,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 from drivers import CHANNELS
+from teleop.names import SideName
+
+SIDE_CHANNELS: dict[SideName, tuple[str, ...]] = {
+    "master": ("master_force", "master_position"),
+    "slave": ("slave_position", "contact_force", "slave_velocity"),
+}
+"""Names of the channels of each side of the telemanipulator."""
 
 
 @dataclass(frozen=True)
@@ -42,6 +49,11 @@ class ChannelLimits:
         for name in ("max_rate", "max_age", "frozen_time", "frozen_travel"):
             if not getattr(self, name) > 0.0:
                 raise ValueError(f"{name} must be positive, got {getattr(self, name)}")
+
+    @property
+    def optional(self) -> ChannelLimits:
+        """Limits for a channel that the rig does not measure. Only the range is kept."""
+        return ChannelLimits(self.low, self.high, required=False)
 
     def shifted(self, zero: float) -> ChannelLimits:
         """Return the limits for samples from which a zero offset is subtracted.
@@ -157,6 +169,14 @@ class Limits:
             )
         if set(self.channels) != set(CHANNELS):
             raise ValueError(f"expected limits for the channels {', '.join(CHANNELS)}")
+
+    def of_side(self, side: SideName) -> Limits:
+        """Return the limits for a station that measures the channels of one side only."""
+        channels = {
+            name: limit if name in SIDE_CHANNELS[side] else limit.optional
+            for name, limit in self.channels.items()
+        }
+        return replace(self, channels=channels)
 
     def shifted(self, zeros: Mapping[str, float]) -> Limits:
         """Return the limits for measurements from which zero offsets are subtracted.

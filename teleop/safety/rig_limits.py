@@ -11,7 +11,7 @@ from teleop.safety.limits import ChannelLimits, Limits, default_channel_limits
 def rig_limits(rig: RigSections) -> Limits:
     """Convert the limits of a rig file to SI units."""
     given = rig.limits
-    channels = {name: optional_limits(limits) for name, limits in default_channel_limits().items()}
+    channels = {name: limits.optional for name, limits in default_channel_limits().items()}
     for name, channel in rig.channels.items():
         try:
             channels[name] = channel_limits(channel)
@@ -29,21 +29,13 @@ def rig_limits(rig: RigSections) -> Limits:
             hard_force=given.hard_force_n,
             following_error=given.following_error_mm * 1e-3,
             drive_compliance=given.drive_compliance_um_per_n * 1e-6,
-            drive_lag=rig.drives.slave.lag_ms * 1e-3,
+            drive_lag=rig.drives.slave.lag_ms * 1e-3 if rig.drives.slave else 0.0,
             rest_velocity=given.rest_velocity_mm_per_s * 1e-3,
             rest_master_force=given.rest_master_force_n,
             channels=channels,
         )
     except ValueError as error:
         raise ValueError(f"limits: {error}") from error
-
-
-def optional_limits(limits: ChannelLimits) -> ChannelLimits:
-    """Return limits for a channel that the rig does not measure.
-
-    The value of this channel may be NaN. Only the range of the given limits is kept.
-    """
-    return ChannelLimits(limits.low, limits.high, required=False)
 
 
 def channel_limits(channel: ForceSettings | PositionSettings | VelocitySettings) -> ChannelLimits:

@@ -85,8 +85,44 @@ def inconsistent_values(settings: TrialSettings) -> Iterator[str]:
         )
 
 
+def problems_of_side(settings: TrialSettings) -> Iterator[str]:
+    """Yield a message if the rig has another side of the telemanipulator than is needed."""
+    rig, station = settings.rig and settings.rig.sections, settings.station
+    if station and station.side == "both":  # the rig file of a merged recording is that of a slave
+        return
+    if rig and not station and not rig.has_slave:
+        yield (
+            f"rig {rig.name!r}: has no drives.slave: expected it, or `teleop station master` for a "
+            "slave on another computer"
+        )
+    elif (
+        rig
+        and station
+        and (rig.has_master, rig.has_slave)
+        != (
+            settings.has_master,
+            settings.has_slave,
+        )
+    ):
+        yield (
+            f"rig {rig.name!r}: expected a rig file with the drives and channels of the "
+            f"{station.side} only"
+        )
+    if station and settings.channel:
+        yield "channel: simulated within one computer, not between two stations"
+    if station and settings.custom_rig:
+        yield "custom_rig: not at a station: expected a rig file, or the simulated rig"
+    if station and (settings.custom_link or settings.protocol):
+        yield "station: not with a link of another package, and not with a protocol"
+    if station and settings.until and not settings.has_slave:
+        yield "until: the master has no estimates: expected it at the slave station"
+
+
 def problems_of_rig(settings: TrialSettings) -> Iterator[str]:
     """Yield a message for each problem that depends on the rig and its limits."""
+    if problems := [*problems_of_side(settings)]:
+        yield from problems
+        return
     condition = settings.performed_as
     target = condition.target_for(settings.intended_motion)
     accepted = accepts(condition, settings)
@@ -219,7 +255,13 @@ def problems_of_phases(
 def problems_of_handle(settings: TrialSettings) -> Iterator[str]:
     """Yield a message if the rig lacks the handle, or the coupling of the handle is not passive."""
     rig, coupling = settings.rig, settings.master_coupling
-    if rig and not (rig.sections.channels.master_force or coupling):
+    merged = settings.station and settings.station.side == "both"
+    if (
+        rig
+        and settings.has_master
+        and not merged
+        and not (rig.sections.channels.master_force or coupling)
+    ):
         if settings.by_hand:
             others = [name for name in CONDITIONS if name not in BY_HAND]
             yield (

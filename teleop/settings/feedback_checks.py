@@ -40,13 +40,16 @@ COUPLED_LOOP_DELAY = 3.5
 """Delay of the control loop with a force-commanded master in periods, without its latency."""
 
 
-def check_feedback(settings: TrialSettings) -> str:
+def check_feedback(settings: TrialSettings, trip: float | None = None) -> str:
     """Check that the force feedback of a trial may be used, and return a warning or an empty text.
+
+    `trip` is the round trip through the communication channel [s]; None for that of the settings.
 
     The warning names settings that are missing. Without these settings, it is not known whether the
     force feedback is stable.
     """
-    law, trip = settings.feedback.law, round_trip(settings)
+    law = settings.feedback.law
+    trip = round_trip(settings) if trip is None else trip
     lost, most = settings.link_transmission.lost_motion, max(3e-4, 0.1 * settings.setup.depth)
     if law != "none" and lost > most:
         raise InputError(
@@ -139,6 +142,8 @@ def unknown_values(settings: TrialSettings) -> list[str]:
     if not sensor_lag(settings):
         unknown.append("the lag of the contact force, force_lag or lag_ms in the rig file")
     slave = settings.rig.sections.drives.slave
+    if slave is None:  # the master side of two stations: the slave side checks this
+        return []
     # The velocity loop of a slave that accepts forces is computed here, and so is known.
     if "lag_ms" not in slave.model_fields_set and slave.moving_mass_kg is None:
         unknown.append("the lag of the slave's drive, lag_ms of drives.slave in the rig file")
@@ -181,7 +186,8 @@ def slave_lag(settings: TrialSettings) -> float:
     """Return the lag with which the slave's drive follows its command [s]."""
     if settings.rig is None:
         return 1.0 / (2.0 * math.pi * settings.plant_parameters.slave_bandwidth)
-    return settings.rig.sections.drives.slave.lag_ms * 1e-3
+    slave = settings.rig.sections.drives.slave
+    return slave.lag_ms * 1e-3 if slave else 0.0
 
 
 def sensor_lag(settings: TrialSettings) -> float:
@@ -192,7 +198,8 @@ def sensor_lag(settings: TrialSettings) -> float:
     """
     if settings.rig is None:
         return settings.plant_parameters.contact_force_lag
-    return (settings.force_lag or 0.0) + settings.rig.sections.channels.contact_force.lag_ms * 1e-3
+    contact = settings.rig.sections.channels.contact_force
+    return (settings.force_lag or 0.0) + (contact.lag_ms * 1e-3 if contact else 0.0)
 
 
 def arm_lag(settings: TrialSettings) -> float:

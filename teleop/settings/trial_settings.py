@@ -52,6 +52,7 @@ from teleop.control.excitation_signals import AnySignal, Designed, Signal, Sine
 from teleop.control.feedback.settings import FeedbackSettings
 from teleop.control.hand_observer import HandObserver
 from teleop.control.protocol import Protocol, ProtocolSettings
+from teleop.control.station_settings import StationSettings
 from teleop.control.tare import NO_TARE, Tare
 from teleop.control.target import Target
 from teleop.control.wanted_precision import WantedPrecision
@@ -151,6 +152,9 @@ class TrialSettings:
     """Force feedback to the hand."""
     channel: ChannelSettings | None = None
     """Communication channel between master and slave. Default: no channel and no delay."""
+    station: StationSettings | None = None
+    """Side of the telemanipulator that this computer has. Default: both sides, no second computer.
+    """
     conditioning: ConditioningName = "matched"
     """Signal conditioning before the estimators."""
     bandwidth: Annotated[Hertz, Field(alias="bandwidth_hz")] = BANDWIDTH
@@ -371,7 +375,9 @@ class TrialSettings:
     @property
     def hand_force_source(self) -> str:
         """How the force of the hand is found: one of the sources in `teleop.names`."""
-        measured = not self.rig or self.rig.sections.channels.master_force is not None
+        measured = self.has_master and (
+            not self.rig or self.rig.sections.channels.master_force is not None
+        )
         if self.master_coupling and not (self.rig and measured):
             return COUPLED
         if not measured:
@@ -411,7 +417,17 @@ class TrialSettings:
     @property
     def has_link(self) -> bool:
         """Whether there is force feedback, or a communication channel between master and slave."""
-        return self.feedback.law != "none" or self.channel is not None
+        return bool(self.feedback.law != "none" or self.channel or self.station)
+
+    @property
+    def has_slave(self) -> bool:
+        """Whether this computer has the slave, and not only the master."""
+        return not self.station or self.station.side != "master"
+
+    @property
+    def has_master(self) -> bool:
+        """Whether this computer has the master, and not only the slave."""
+        return not self.station or self.station.side != "slave"
 
     @property
     def limits(self) -> Limits:
@@ -434,7 +450,7 @@ class TrialSettings:
         if self.rig:
             return rig_limits(self.rig.sections)
         setup, loop = self.setup, self.slave_coupling
-        return simulated_rig_limits(
+        limits = simulated_rig_limits(
             setup.cube.fast,
             setup.depth,
             self.coupling.scale,
@@ -443,6 +459,9 @@ class TrialSettings:
             setup.transmission,
             self.force_master,
         )
+        if self.has_master and self.has_slave:
+            return limits
+        return limits.of_side("slave" if self.has_slave else "master")
 
     @property
     def plant_parameters(self) -> PlantParameters:
@@ -454,7 +473,8 @@ class TrialSettings:
     def encoder_resolution(self) -> float:
         """Resolution of the slave's encoder: smallest change of position that it measures [m]."""
         if self.rig:
-            return self.rig.sections.channels.slave_position.resolution_um * 1e-6
+            position = self.rig.sections.channels.slave_position
+            return position.resolution_um * 1e-6 if position else 0.0
         return self.sensors.encoder_resolution
 
     @property

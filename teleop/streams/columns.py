@@ -140,6 +140,27 @@ FEEDBACK_COLUMNS = (
 )
 """Additional columns of a trial with force feedback or a communication channel: the fields of
 `teleop.control.bilateral.LinkValues`."""
+STATION_COLUMNS = (
+    Column("station_clock", "s", "time of the tick on the clock of this station"),
+    Column("sent_datagrams", "-", "datagrams that were sent to the other station so far"),
+    Column("received_datagram", "-", "number of the newest datagram of the other station, from 0"),
+    Column("other_mode", "-", f"mode of the other station: {MODES}"),
+    Column("offset_low", "s", "time here minus time at the other station, lower bound"),
+    Column("offset_high", "s", "the same, upper bound"),
+    Column(
+        "round_trip",
+        "s",
+        "time since the data were sent with which the other station computed those used here",
+    ),
+    Column("lost_datagrams", "-", "datagrams of the other station that did not arrive so far"),
+    Column(
+        "overtaken_datagrams", "-", "datagrams that arrived after a newer one, and were not used"
+    ),
+    Column("rejected_datagrams", "-", "datagrams that were not accepted"),
+)
+"""Additional columns of a station, one of two computers: the fields of
+`teleop.station.station.ConnectionValues`. At a station, `report_age` and `motion_age` are upper
+bounds, because they are differences of the clocks of two computers."""
 OBSERVED = "observed_hand_force"
 OBSERVER = Column(
     OBSERVED,

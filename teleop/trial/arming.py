@@ -16,7 +16,9 @@ from teleop.trial.stop_switch import StopSwitch, is_foreground
 
 def check_stated(settings: TrialSettings) -> None:
     """Check that the settings of a trial on a hardware rig contain a specimen and a depth."""
-    missing = []
+    missing: list[str] = []
+    if not settings.has_slave:
+        return
     if not settings.specimen:
         missing.append("a specimen (--specimen NAME, or specimen in the configuration)")
     if settings.depth is None:

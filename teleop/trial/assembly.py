@@ -7,11 +7,13 @@ from dataclasses import replace
 
 from drivers import Rig
 from estimation import Estimator
+from estimation.estimate_columns import Column
 from sim_backend import (
     DEPTH,
     ForcePalpation,
     FreePalpation,
     MimickedSine,
+    OneSidedRig,
     Operator,
     PointerOperator,
     SimulatedRig,
@@ -20,21 +22,27 @@ from teleop.control.admittance import Admittance
 from teleop.control.bilateral import BilateralLink
 from teleop.control.channel import ChannelSettings
 from teleop.control.clock import Clock, RealClock, VirtualClock
-from teleop.control.conditions import Condition
+from teleop.control.conditions import Condition, Followed
 from teleop.control.controller import Controller
 from teleop.control.feedback.law import LawInputs
 from teleop.control.link import DirectLink, Link, LinkSettings
+from teleop.control.sides import MasterSide, SlaveSide
 from teleop.errors import InputError
 from teleop.settings.custom_class import called, create
 from teleop.settings.feedback_checks import expected_stiffness
 from teleop.settings.trial_settings import TrialSettings
-from teleop.streams.columns import FEEDBACK_COLUMNS, Layout
+from teleop.station.links import MasterLink, SlaveLink
+from teleop.station.station import Station
+from teleop.streams.columns import FEEDBACK_COLUMNS, STATION_COLUMNS, Layout
 
 LINK_GAIN = 20.0
 """Gain from the position error of the slave to the velocity of the slave [1/s].
 
 It is used with a communication channel or force feedback if this gain is 0 in the settings.
 """
+MOST_JITTER = 0.05
+"""Longest time for which the slave station keeps a motion that arrived early, to play it out
+evenly [s]. It is added to the shortest delay of the network."""
 RigMaker = Callable[[Callable[[], float]], Rig]
 """Function that creates a rig. Its argument is a function that returns the time [s]."""
 
@@ -78,10 +86,11 @@ def make_simulated_rig(
     `pointer`: None for the simulated operator of the control condition. `coupled`: False
     if an emulated drive commands the force of a force-commanded master.
     """
-    return SimulatedRig(
+    has_hand = settings.has_master
+    rig = (OneSidedRig if settings.station else SimulatedRig)(
         settings.setup.cube,
         now,
-        operator=pointer or make_operator(settings, mimic),
+        operator=(pointer or make_operator(settings, mimic)) if has_hand else None,
         parameters=settings.plant_parameters,
         sensors=settings.sensors,
         watchdog=watchdog,
@@ -92,6 +101,9 @@ def make_simulated_rig(
         slave_drive=settings.force_slave or "velocity",
         period=1.0 / settings.loop_rate,
     )
+    if isinstance(rig, OneSidedRig):
+        rig.side = "slave" if settings.has_slave else "master"
+    return rig
 
 
 def make_operator(
@@ -124,6 +136,8 @@ def handle_depth(settings: TrialSettings) -> float:
 
 def make_condition(settings: TrialSettings) -> Condition:
     """Return a new object for the condition that the settings state, prepared for the trial."""
+    if not settings.has_master:
+        return Followed()
     custom = settings.custom_condition
     condition: Condition = create("condition", custom) if custom else settings.performed_as
     return prepared(condition, settings)
@@ -155,13 +169,22 @@ def make_link(settings: TrialSettings) -> Link:
         given = LinkSettings(settings.admittance, settings.coupling, 1.0 / settings.loop_rate)
         called(f"link {settings.custom_link.name}", link.prepare, settings=given)
         return link
-    admittance, coupling = Admittance(settings.admittance), settings.coupling
     if not settings.has_link:
-        return DirectLink(admittance, coupling)
+        return DirectLink(Admittance(settings.admittance), settings.coupling)
+    channel = settings.channel or ChannelSettings()
+    sides = make_sides(settings, channel.delay + channel.jitter)
+    return BilateralLink(*sides, channel, settings.seed)
+
+
+def make_sides(settings: TrialSettings, longest: float) -> tuple[MasterSide, SlaveSide]:
+    """Return the master side and the slave side of a trial with a channel or force feedback.
+
+    `longest` is the largest expected delay of the channel [s].
+    """
+    admittance, coupling = Admittance(settings.admittance), settings.coupling
     if coupling.position_gain == 0.0:
         coupling = replace(coupling, position_gain=LINK_GAIN)
     feedback = settings.feedback
-    stiffness = expected_stiffness(settings)
     inputs = LawInputs(
         admittance,
         coupling,
@@ -169,12 +192,24 @@ def make_link(settings: TrialSettings) -> Link:
         settings.link_transmission,
         settings.lost_motion_known,
         settings.is_glued,
-        stiffness,
+        expected_stiffness(settings),
     )
-    halves = feedback.law_type.halves(inputs)
-    channel = settings.channel or ChannelSettings()
+    master, slave = feedback.law_type.halves(inputs)
     closed = feedback.law != "none"
-    return BilateralLink(admittance, coupling, *halves, channel, settings.seed, closed)
+    return (
+        MasterSide(admittance, coupling.scale, master, closed),
+        SlaveSide(coupling.scale, slave, longest),
+    )
+
+
+def make_station_link(settings: TrialSettings, station: Station) -> Link:
+    """Return the link of a station: the side of this computer, and the other one by network."""
+    given = settings.station
+    assert given
+    master, slave = make_sides(settings, MOST_JITTER)
+    if given.side == "slave":
+        return SlaveLink(station, slave, given.max_silence, given.retreat)
+    return MasterLink(station, master, given.max_silence, settings.master_coupling is not None)
 
 
 def make_layout(
@@ -183,7 +218,9 @@ def make_layout(
     pointer: PointerOperator | None = None,
 ) -> Layout:
     """Return the columns of a trial, which the loop and the estimation write."""
-    link = FEEDBACK_COLUMNS if settings.has_link else ()
+    link: tuple[Column, ...] = FEEDBACK_COLUMNS if settings.has_link else ()
+    if settings.station:
+        link = (*link, *STATION_COLUMNS)
     return Layout(bank, link, pointer, settings.hand_observer is not None)
 
 
@@ -192,15 +229,17 @@ def make_controller(
     rig: Rig,
     clock: Clock,
     condition: Condition | None = None,
+    station: Station | None = None,
 ) -> Controller:
     """Return a new controller, with the zero offsets and the safety limits of the settings.
 
-    `condition`: None to create it from the settings.
+    `condition`: None to create it from the settings. `station`: the session with the other
+    station; None if this computer has both sides.
     """
     return Controller(
         rig,
         condition or make_condition(settings),
-        make_link(settings),
+        make_station_link(settings, station) if station else make_link(settings),
         1.0 / settings.loop_rate,
         settings.limits,
         settings.tare,

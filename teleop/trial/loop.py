@@ -90,7 +90,7 @@ class Loop:
                 self._armed, self._begin = True, event.time
             elif event.mode is FAULT or (event.mode is IDLE and self._armed):
                 self._leave = self._elapsed + AFTER * self._clock.rate
-        if not (self._armed or self._switch.page.arms):
+        if not (self._armed or self._switch.arms):
             self._begin = record.t
         self._readers.after_tick(record)
         self._end = self._end or self._readers.end_reason

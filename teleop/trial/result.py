@@ -18,6 +18,7 @@ from teleop.errors import InputError
 from teleop.recording.gaps import gap_rows, missing_text
 from teleop.recording.recording import Recording
 from teleop.recording.recording_file import RecordingFile
+from teleop.recording.two_stations import connection_summary
 from teleop.safety import Mode
 from teleop.safety.events import EXCITATION, Fault, time_text
 from teleop.settings.trial_settings import TrialSettings
@@ -140,7 +141,9 @@ class Trial(Presented):
         from teleop.trial.trial_result import trial_result, without
 
         if not self.statistics.pairs:
-            return without("the trial ended before its first sample")
+            ended = "the trial ended before its first sample"
+            at_slave = "the slave station measures and estimates them: see teleop merge"
+            return without(ended if self.settings.has_slave else at_slave)
         complete = self.outcome.path and not self.outcome.problem
         return trial_result(self.ticks, self.outcome.path if complete else None)
 
@@ -329,8 +332,10 @@ class Trial(Presented):
         """Return the stiffness, force error and energy that the hand felt, see `Rendering`.
 
         The result is None if the trial had neither force feedback nor a communication channel
-        between master and slave.
+        between master and slave, or if one side of it was at another computer.
         """
+        if not (self.settings.has_master and self.settings.has_slave):
+            return None
         return self.statistics.feedback()
 
     def observer(self) -> dict[str, float] | None:
@@ -351,6 +356,13 @@ class Trial(Presented):
             "rms_difference_n": difference,
             "rms_coupling_n": float(np.sqrt(np.mean(coupled**2))),
         }
+
+    def station(self) -> dict[str, Any] | None:
+        """Return what a station has measured of its connection; None on one computer."""
+        if not self.settings.station:
+            return None
+        side = self.settings.station.side
+        return {"side": side, **connection_summary(self.ticks)}
 
     def summary(self) -> dict[str, Any]:
         """Return the results of the trial as a dictionary, which `teleop run --json` prints."""
@@ -383,6 +395,7 @@ class Trial(Presented):
             "seed": settings.seed,
             "ticks": found.ticks,
             "pairs": found.pairs,
+            "station": self.station(),
             "rejected": self.rejected,
             "interrupted": self.interrupted,
             "ending": self.ending or None,

@@ -32,6 +32,7 @@ from teleop.trial.outputs import Outputs
 from teleop.trial.realtime import realtime
 from teleop.trial.rehearsal import check_rate, check_wire
 from teleop.trial.result import Trial
+from teleop.trial.station_waiting import Waiting
 from teleop.trial.stop_switch import StopSwitch
 from teleop.trial.viewer import Viewer
 
@@ -48,6 +49,7 @@ def run_trial(
     live: LiveLink | None = None,
     arm: bool = False,
     viewers: Sequence[Viewer] = (),
+    station: Waiting | None = None,
 ) -> Trial:
     """Run a trial until its end, a fault, or Ctrl-C. Then disable the drives; return the result.
 
@@ -83,6 +85,8 @@ def run_trial(
         drives are armed in the live page.
     viewers
         Other viewers of the running trial, in other processes.
+    station
+        Connection to the other station, if the settings state the side of this one.
 
     Raises
     ------
@@ -113,8 +117,14 @@ def run_trial(
                 live,
                 arm,
                 viewers,
+                station,
             )
     check_stated(settings)
+    if settings.station and not station:
+        raise InputError(
+            f"station: the settings are those of the {settings.station.side} of two computers: "
+            f"expected teleop station {settings.station.side}"
+        )
     if condition:
         settings = replace(settings, custom_condition=described(condition))
         condition = prepared(condition, settings)
@@ -145,7 +155,10 @@ def run_trial(
             with switch.reading_keys(), realtime(real) as applied, rig:
                 if settings.rig:
                     check_wire(rig, clock, checked.cost if checked else 0.0)
-                controller = make_controller(settings, rig, clock, condition)
+                session = station.begin(clock) if station else None
+                controller = make_controller(settings, rig, clock, condition, session)
+                if session:
+                    switch.station = session
                 stream, readers = outputs.stream, outputs.readers
                 loop = Loop(controller, clock, stream, readers, switch, settings.duration)
                 if live:
@@ -153,7 +166,11 @@ def run_trial(
                 for viewer in viewers:
                     viewer.begin(settings, stream)
                 applied.start(live.pid if live else None, readers.estimation_pid)
-                loop.run()
+                try:
+                    loop.run()
+                finally:
+                    if session:
+                        session.finish()
                 # no signal may interrupt the closing of rig and files
                 switch.clean_up()
                 rejected = {name: dict(counts) for name, counts in rig.rejected.items()}

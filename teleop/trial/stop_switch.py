@@ -17,6 +17,7 @@ from teleop.interruption import Interruption
 from teleop.safety import Fault, Request
 from teleop.safety.channels import DetectedFault
 from teleop.safety.state import NO_REQUEST
+from teleop.station.station import Station
 from teleop.trial.page_requests import NoPage
 
 KEYS = b"\r\n "
@@ -194,6 +195,22 @@ RESPONSE_TIME = 0.1
 """Time within which a running control loop responds to a signal [s]."""
 
 
+class NoStation:
+    """Replacement for a `Station` in a trial on one computer."""
+
+    arms = True
+    """Whether the other station permits to arm the drives."""
+    armed = False
+    """Whether the drives of this station have been armed."""
+    reason = ""
+    """Reason why the other station ends the run; empty if it does not."""
+    faults: tuple[DetectedFault, ...] = ()
+    """Faults that the other station causes here."""
+
+    def read(self, consent: bool, ending: bool) -> None:
+        """Do nothing. In `Station`, this method reads what the other station has sent."""
+
+
 class StopSwitch(Interruption):
     """Means by which a person stops a run: signals such as Ctrl-C, the stop key, and the live page.
 
@@ -211,6 +228,8 @@ class StopSwitch(Interruption):
         The `StopKey`, which reads the keys. It is used only if the parameter `key` is True.
     page
         Requests of the live page.
+    station
+        The session with the other one of two stations.
     explained
         The parameter `explained`.
     """
@@ -221,6 +240,12 @@ class StopSwitch(Interruption):
         self._use_key = key
         self.key = StopKey()
         self.page = NoPage()
+        self.station: NoStation | Station = NoStation()
+
+    @property
+    def arms(self) -> bool:
+        """Whether the live page and the other station permit to arm the drives."""
+        return self.page.arms and self.station.arms
 
     @property
     def signalled(self) -> bool:
@@ -234,8 +259,12 @@ class StopSwitch(Interruption):
 
     @property
     def interrupted(self) -> bool:
-        """Whether a signal, the live page, or the loss of the terminal ended the run."""
-        return self.signalled or bool(self.page.reason)
+        """Whether a signal, the live page, or the loss of the terminal ended the run.
+
+        It is also True if the other station ended before the drives were armed.
+        """
+        never_armed = bool(self.station.reason) and not self.station.armed
+        return self.signalled or bool(self.page.reason) or never_armed
 
     @property
     def _has_key(self) -> bool:
@@ -264,11 +293,14 @@ class StopSwitch(Interruption):
     def request(self, arm: bool, end: str = "") -> Request:
         """Return the request to the safety supervisor at a tick."""
         self.timeout = RESPONSE_TIME
-        key, page = self.key, self.page
+        key, page, station = self.key, self.page, self.station
         page.read()
-        reason, arm = self.reason or key.lost or page.reason or end, arm and page.arms
-        if not (reason or key.pressed or page.faults):
+        reason = self.reason or key.lost or page.reason or end
+        station.read(page.arms, bool(reason))
+        reason, arm = reason or station.reason, arm and page.arms and station.arms
+        faults = page.faults + station.faults
+        if not (reason or key.pressed or faults):
             return ARM if arm else NO_REQUEST
         self.acknowledge()
-        faults = (KEY, *page.faults) if key.pressed else page.faults
+        faults = (KEY, *faults) if key.pressed else faults
         return Request(arm, reason, self.count > 1, faults)

@@ -50,6 +50,8 @@ class Report(NamedTuple):
     """Model of the environment. Its force is a function of the displacement of the slave."""
     energy: float = 0.0
     """Energy that the environment has given to the channel since the drives were armed [J]."""
+    tip: float = 0.0
+    """Position of the tip of the slave at rest [m], from which the master begins."""
 
 
 class MasterMotion(NamedTuple):
@@ -184,7 +186,7 @@ class SlaveHalf:
 
     def report(self, measurement: Measurement, dt: float) -> Report:
         """Return the packet that the slave half sends to the master half at this tick."""
-        return new_tuple(Report, (measurement.contact_force, PRIOR, 0.0))
+        return new_tuple(Report, (measurement.contact_force, PRIOR, 0.0, self.tip(measurement)))
 
     def velocity(self, motion: MasterMotion, measurement: Measurement, dt: float) -> float:
         """Return the desired velocity of the slave [m/s], with which its tip follows the master."""

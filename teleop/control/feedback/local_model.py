@@ -342,7 +342,8 @@ class ModelMediatedSlave(SlaveHalf):
 
     def report(self, measurement: Measurement, dt: float) -> Report:
         """Return the packet for the master half: contact force and model of the environment."""
-        return new_tuple(Report, (measurement.contact_force, self._local.model, 0.0))
+        force, tip = measurement.contact_force, self.tip(measurement)
+        return new_tuple(Report, (force, self._local.model, 0.0, tip))
 
     def load(self, tip: float, measurement: Measurement) -> tuple[float, float]:
         """Return the contact force of the model [N] with the tip at a position, and its slope."""

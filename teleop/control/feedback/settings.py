@@ -63,7 +63,12 @@ class FeedbackSettings:
                 f"feedback {self.law}: nobody holds the handle in the condition {condition}: "
                 f"expected {' or '.join(BY_HAND)}"
             )
-        if self.law != "none" and rig and not rig.sections.drives.master:
+        if (
+            self.law != "none"
+            and rig
+            and rig.sections.has_master
+            and not rig.sections.drives.master
+        ):
             yield (
                 f"feedback {self.law}: the handle of the rig {rig.sections.name!r} is passive: "
                 "expected a rig file with [drives.master]"

@@ -145,6 +145,7 @@ export class Status {
     byId("clock").textContent = Number.isFinite(time) ? `${fixed(Math.max(time, 0), 1)}${ended} s` : "";
     if (byId("progress")) byId("progress").value = Number.isFinite(duration) ? Math.min(Math.max(time, 0) / duration, 1) || 0 : 0;
     if (byId("health")) byId("health").textContent = this.#health();
+    if (byId("station")) this.#station();
     this.#connection();
     this.#fresh();
   }
@@ -156,6 +157,19 @@ export class Status {
     if (!state || !["fault", "ended"].includes(state.mode)) return store.last("time");
     const row = store.newestWith("mode", ACTIVE);
     return row < 0 ? store.last("time") : store.column("time").at(row);
+  }
+
+  // Show what the other of two stations does; hidden in a trial on one computer.
+  #station() {
+    const { store, byId } = this;
+    const mode = MODES[store.last("other_mode")];
+    byId("station").hidden = mode === undefined;
+    if (mode === undefined) return;
+    const half = 0.5 * (store.last("offset_high") - store.last("offset_low"));
+    const clock = Number.isFinite(half) ? `, clock ± ${fixed(1e3 * half, 2)} ms` : "";
+    byId("station").textContent =
+      `other station: ${mode}, round trip ${fixed(1e3 * store.last("round_trip"), 1)} ms${clock}, datagrams: ` +
+      ["lost", "overtaken", "rejected"].map((name) => `${fixed(store.last(`${name}_datagrams`))} ${name}`).join(", ");
   }
 
   #health() {

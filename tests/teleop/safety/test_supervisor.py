@@ -577,6 +577,8 @@ def test_the_faults_that_ramp_are_those_of_sensors_and_software():
         Fault.JUMP,
         Fault.FROZEN,
         Fault.CHANNEL_SILENT,
+        Fault.CHANNEL_SLOW,
+        Fault.OTHER_STATION,
         Fault.PORT_ENERGY,
         Fault.OSCILLATION,
         Fault.CONTROL_FAILURE,

@@ -85,6 +85,7 @@ OTHER = {
     "custom_rig",
     "custom_signal",
     "protocol",
+    "station",
     "rig",
 }
 """Settings that are not varied here: see `test_documents.py` for those of other objects."""

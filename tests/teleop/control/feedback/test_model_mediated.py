@@ -224,7 +224,7 @@ def test_the_slave_expects_the_slope_of_its_model_once_the_force_confirms_it():
     slave.observe(Pair(1e-4, cube.force(1e-4, 0.0), DT))  # the beginning of a contact
     assert slave.stiffness(1e-4) == STIFF_PRIOR
     at_rest = Measurement(0.0, 0.0, 0.0, 1e-3, 2.5, 0.0, Ages(*[0.0] * 5))
-    assert slave.report(at_rest, DT) == Report(2.5, model.model)
+    assert slave.report(at_rest, DT) == Report(2.5, model.model, tip=1e-3)
 
 
 @given(INPUTS, st.floats(0.002, 0.05))

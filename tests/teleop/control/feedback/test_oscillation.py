@@ -129,7 +129,7 @@ def test_only_a_law_that_displays_the_slave_is_observed(law):
     trial = replace(SETTINGS, feedback=FeedbackSettings(law), channel=ChannelSettings(0.01))
     link = make_link(trial)
     assert isinstance(link, BilateralLink)
-    assert (link._oscillation is None) == (law == "none")
+    assert (link._master._oscillation is None) == (law == "none")
 
 
 def test_the_observer_begins_again_when_the_drives_are_armed():

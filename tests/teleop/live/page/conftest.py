@@ -17,7 +17,7 @@ from teleop.live.feed import Feed, estimator_indices, shown_columns
 from teleop.live.history import History
 from teleop.live.security import Gate
 from teleop.live.server import Server, read_pages
-from teleop.streams.columns import COLUMNS, DROPPED, FEEDBACK_COLUMNS, POINTER
+from teleop.streams.columns import COLUMNS, DROPPED, FEEDBACK_COLUMNS, POINTER, STATION_COLUMNS
 
 TOKEN = "0123456789abcdef" * 2
 BROWSERS = ("chromium-headless-shell", "chromium", "chromium-browser", "google-chrome")
@@ -207,9 +207,18 @@ def serve():
 class TrialFeed(Feed):
     """A trial that moves the slave along a sine and carries out the requests of the page."""
 
-    def __init__(self, mode="active", estimators=("rls", "me"), further=(), values=None, **trial):
+    def __init__(
+        self,
+        mode="active",
+        estimators=("rls", "me"),
+        further=(),
+        values=None,
+        station=False,
+        **trial,
+    ):
         self.estimators, self.values = estimators, values or {}
         known = [column.name for column in (*COLUMNS, DROPPED, *POINTER, *FEEDBACK_COLUMNS)]
+        known += [column.name for column in STATION_COLUMNS if station]
         parts = ("k", "b", "k_std", "b_std", "held", "misfit")
         known += [f"{name}_{part}" for name in self.estimators for part in (*parts, *further)]
         self.names = shown_columns(known, self.estimators)

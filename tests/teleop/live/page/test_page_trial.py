@@ -102,3 +102,19 @@ def test_a_page_that_receives_extreme_numbers_does_not_hang(trial_feed, serve, o
             page.locator("#mode").inner_text(timeout=10_000)  # fails if the page hangs
             rows = page.evaluate("teleop.rows()")
             wait_for(page, "(rows) => Math.abs(teleop.rows() - rows) > 20", rows)
+
+
+def test_a_station_shows_what_the_other_one_does(trial_feed, serve, open_page):
+    values = {
+        "other_mode": 5.0,
+        "round_trip": 0.0415,
+        "offset_low": 3.0,
+        "offset_high": 3.0005,
+        "lost_datagrams": 12.0,
+    }
+    page = open_page(serve(trial_feed(values=values, station=True)).url())
+    text = "other station: fault, round trip 41.5 ms, clock ± 0.25 ms, datagrams: 12 lost"
+    wait_for(page, "(text) => document.body.innerText.includes(text)", text)
+    alone = open_page(serve(trial_feed()).url())
+    wait_for(alone, "teleop.rows() > 5")
+    assert alone.locator("#station").is_hidden()
