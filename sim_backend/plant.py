@@ -152,7 +152,7 @@ class Slave:
         """
         self.command = u
         x, v1, error, played, tip = self.x, self.v, self._error, self._played, self._tip
-        k_p, integral, mass = self._proportional, self._integral, self._mass
+        k_p, k_i, mass = self._proportional, self._integral, self._mass
         push = 0.0
         if self.push is not None:
             k_p = k_i = error = self._error = 0.0
