@@ -152,19 +152,19 @@ class Slave:
         """
         self.command = u
         x, v1, error, played, tip = self.x, self.v, self._error, self._played, self._tip
-        k_p, k_i, mass = self._proportional, self._integral, self._mass
+        gain, integral, mass = self._proportional, self._integral, self._mass
         push = 0.0
         if self.push is not None:
-            k_p = k_i = error = self._error = 0.0
+            gain = integral = error = self._error = 0.0
             push = self.push / mass
         law, load, half = self.law, self._transmission.load, 0.5 * h
-        a1 = k_p * (u - v1) + k_i * error - load(law, played, tip, x, v1) / mass + push
+        a1 = gain * (u - v1) + integral * error - load(law, played, tip, x, v1) / mass + push
         x2, v2, e2 = x + half * v1, v1 + half * a1, error + half * (u - v1)
-        a2 = k_p * (u - v2) + k_i * e2 - load(law, played, tip, x2, v2) / mass + push
+        a2 = gain * (u - v2) + integral * e2 - load(law, played, tip, x2, v2) / mass + push
         x3, v3, e3 = x + half * v2, v1 + half * a2, error + half * (u - v2)
-        a3 = k_p * (u - v3) + k_i * e3 - load(law, played, tip, x3, v3) / mass + push
+        a3 = gain * (u - v3) + integral * e3 - load(law, played, tip, x3, v3) / mass + push
         x4, v4, e4 = x + h * v3, v1 + h * a3, error + h * (u - v3)
-        a4 = k_p * (u - v4) + k_i * e4 - load(law, played, tip, x4, v4) / mass + push
+        a4 = gain * (u - v4) + integral * e4 - load(law, played, tip, x4, v4) / mass + push
         travel = h / 6.0 * (v1 + 2.0 * (v2 + v3) + v4)
         self.move_to(x + travel, v1 + h / 6.0 * (a1 + 2.0 * (a2 + a3) + a4))
         self._error = error + u * h - travel if self.push is None else 0.0
