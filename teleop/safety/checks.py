@@ -138,6 +138,8 @@ def update_halting(
     checked, because a person may move it. While the position is not known, nothing is checked.
     """
     now, x, f = measurement.time, measurement.slave_position, measurement.contact_force
+    if not limits.channels[POSITION].required:  # a rig without a slave
+        return None, []
     if not halting or not math.isfinite(x):
         return halting, []
     if not measurement.age.slave_position <= limits.channels[POSITION].max_age:

@@ -196,10 +196,11 @@ def test_a_slave_whose_master_is_not_armed_stops_waiting(monkeypatch):
 def test_a_stop_at_one_station_stops_both_without_a_fault(stopped):
     pair = armed(TwoStations(PLAIN, Faults(0.02)), 800)
     getattr(pair, stopped).switch.page.reason = "ended"
-    pair.run(60)
+    pair.run(150)
     for one in (pair.master, pair.slave):
         assert one.controller.mode is Mode.IDLE
         assert one.faults == []
+        assert not one.controller.stops
     assert not moves(pair, 300)
 
 
