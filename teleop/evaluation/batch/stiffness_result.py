@@ -519,10 +519,10 @@ def with_half_widths(
         ),
     )
     result = replace(result, k_low=result.k - half_k, k_high=result.k + half_k, k_tip=k_tip)
-    if result.b is None or half_b is None:
+    if (b := result.b) is None or half_b is None:
         return result
-    result = replace(result, b_low=result.b - half_b, b_high=result.b + half_b)
-    if half_b <= abs(result.b) or DAMPING_NOT_RESOLVED in result.reasons:
+    result = replace(result, b_low=b - half_b, b_high=b + half_b)
+    if half_b <= abs(b) or DAMPING_NOT_RESOLVED in result.reasons:
         return result
     return replace(
         result,
