@@ -320,5 +320,5 @@ def test_no_file_is_left_if_the_memory_is_full(monkeypatch, tmp_path, possible):
     monkeypatch.setattr("teleop.streams.shared_file.MEMORY", tmp_path)
     monkeypatch.setattr(SharedFile, "create", create)
     with pytest.raises(InputError, match="no memory for the ticks of the trial: no space left"):
-        run_trial(TrialSettings(duration=0.1))
+        run_trial(TrialSettings(duration=0.1, rate=50.0))
     assert list(tmp_path.iterdir()) == []
