@@ -53,7 +53,7 @@ RATE = 1000.0
 WARM = 500
 """Number of ticks before the measured ticks."""
 STEPS = ("read", "decode", "encode", "write")
-REST, TICK, BYTES = "rest", "tick", "bytes"
+TICK, BYTES = "tick", "bytes"
 WIDTH = 30
 Times = dict[str, dict[str, list[float]]]
 """Duration of each step in each tick [s], by bus; the rig has the name ``."""

@@ -82,42 +82,33 @@ class DescriptorPort(PortablePort):
 
     def __init__(self, port: serial.Serial) -> None:
         super().__init__(port)
-        self._descriptor: int = port.fileno()
-        os.set_blocking(self._descriptor, False)
+        os.set_blocking(port.fileno(), False)
+        self._file = io.FileIO(port.fileno(), "r+", closefd=False)
+        """Its methods return None, without the time of an exception, where a call would wait."""
 
     def read(self, timeout: float | None) -> bytes:
         """Return all bytes that have arrived. If there are none, wait for the first byte.
 
         See `PortablePort.read` for the timeout. OSError: the port is gone.
         """
-        try:
-            data = os.read(self._descriptor, CHUNK)
-        except BlockingIOError:
-            if timeout == 0.0 or not select.select([self._descriptor], [], [], timeout)[0]:
-                return b""
-            data = os.read(self._descriptor, CHUNK)
-        if not data:
+        data = self._file.read(CHUNK)
+        if data is None and timeout != 0.0 and select.select([self._file], [], [], timeout)[0]:
+            data = self._file.read(CHUNK)
+        if data == b"":
             raise OSError("end of file")
-        return data
+        return data or b""
 
     def close(self) -> None:
-        """Close the port, and set the number of its file descriptor to an invalid value.
-
-        The operating system may give the old number to another file later. This object must not
-        access that file.
-        """
-        self._descriptor = -1
+        """Close the port. The operating system may give the number of its file to another file."""
+        self._file.close()
         super().close()
 
     def send(self, data: bytes) -> int:
         """Write as many bytes as the port accepts now, and return the number of written bytes."""
-        try:
-            return os.write(self._descriptor, data)
-        except BlockingIOError:
-            return 0
+        return self._file.write(data) or 0
 
     def _wait_for_room(self, seconds: float) -> None:
-        select.select([], [self._descriptor], [], seconds)
+        select.select([], [self._file], [], seconds)
 
 
 def open_port(channel: str, baud: int) -> PortablePort:
