@@ -26,7 +26,7 @@ PAGES = sorted((ROOT / "docs").glob("*.md"))
 GUIDES = [ROOT / name for name in ("README.md", "CONTRIBUTING.md", "benchmarks/README.md")]
 TESTED = (
     *("writing-a-driver", "writing-an-estimator", "writing-a-condition", "writing-a-signal"),
-    *("writing-a-link", "writing-a-rig", "howto-notebook"),
+    *("writing-a-link", "writing-a-rig", "howto-notebook", "stations"),
 )
 """Pages whose Python blocks have a test of their own."""
 RETURN = 1.3

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
 import threading
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -165,6 +167,32 @@ def test_the_slave_stops_when_the_master_is_lost(tmp_path, key, cause):
     if cause != "kill":
         assert found["master"][0] == 3
     assert len(load(tmp_path / "master.mcap")) > 50  # whatever happened to its process
+
+
+@pytest.mark.real_time
+def test_the_slave_of_the_documentation_runs_from_python(tmp_path, key):
+    page = Path(__file__).parents[3] / "docs" / "stations.md"
+    code = re.search(r"```python\n(.*?)```", page.read_text(), re.DOTALL)[1]
+    code = code.replace("TrialSettings(", f"TrialSettings(rate={RATE}.0, estimators=('rls',), ")
+
+    def run():
+        (tmp_path / "slave.mcap").unlink(missing_ok=True)
+        slave = subprocess.Popen(
+            [sys.executable, "-c", code], cwd=tmp_path, stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE, text=True,
+        )  # fmt: skip
+        assert "waits for the master" in slave.stdout.readline()
+        master = subprocess.run(
+            [sys.executable, "-m", "teleop", "station", "master", "--connect", "127.0.0.1",
+             "--key", key, "--rate", RATE, "--duration", "2", "--no-record"],
+            capture_output=True, text=True, timeout=90, check=False,
+        )  # fmt: skip
+        out, error = slave.communicate(timeout=60)
+        return {"master": (0, None, master.stderr), "slave": (slave.returncode, out, error)}
+
+    code_of, out, error = repeated(run)["slave"]
+    assert code_of == 0, error
+    assert "'k': " in out
 
 
 # Handshake

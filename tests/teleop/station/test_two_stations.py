@@ -97,11 +97,11 @@ def test_the_slave_follows_the_master_after_the_delay_of_the_network():
     ("forth", "back"),
     [(Faults(0.001), Faults(0.021)), (Faults(0.03, 0.02, 0.3), Faults(0.001, 0.01))],
 )
-@pytest.mark.parametrize("error", [-90e-6, 0.0, 90e-6])
+@pytest.mark.parametrize("error", [-90e-6, 90e-6])
 def test_the_interval_contains_the_true_offset_of_the_clocks(forth, back, error):
     pair = TwoStations(PLAIN, forth, back, error=error)
     widths = []
-    for n in range(2500):
+    for n in range(1500):
         pair.step()
         if n < 200:
             continue
