@@ -97,8 +97,13 @@ def resample(signals: Signals, transmission: TransmissionCalibration = RIGID) ->
         raise ValueError(
             f"no piece between gaps has {FEWEST_IN_PIECE} samples or more: expected longer pieces"
         )
-    _, x, f = max(pieces, key=lambda piece: len(piece[0]))
-    x_noise, f_noise = measurement_noise(x), measurement_noise(f)
+    even, x, f = max(pieces, key=lambda piece: len(piece[0]))
+    longest = slice(*max(pairwise(bounds), key=lambda ends: ends[1] - ends[0]))
+    t = signals.t[longest]
+    x_noise, f_noise = (
+        measurement_noise(even_values) * noise_lost(t, values[longest], even)
+        for even_values, values in ((x, signals.x), (f, signals.f))
+    )
     spectral = coherent_band(x, f, period)
     stroke = stroke_band(x, f, period, x_noise)
     band = combined(spectral, stroke) if stroke else spectral
@@ -118,13 +123,26 @@ def resample(signals: Signals, transmission: TransmissionCalibration = RIGID) ->
     )
 
 
-def measurement_noise(values: Floats) -> float:
+def measurement_noise(values: Floats, t: Floats | None = None) -> float:
     """Estimate the standard deviation of the white noise in a signal, in the unit of the signal.
 
-    It is computed from the third differences of the signal. The differences remove slow motion, but
-    not the noise.
+    It is computed from the third differences of the signal: divided differences at the times `t`,
+    if these are given. The differences remove slow motion, but not the noise (Gasser, Sroka and
+    Jennen-Steinmetz, Biometrika 73(3), 1986).
     """
-    return float(1.4826 * np.median(np.abs(np.diff(values, 3))) / np.sqrt(20.0))
+    if t is None:
+        return float(1.4826 * np.median(np.abs(np.diff(values, 3))) / np.sqrt(20.0))
+    times, four = (np.lib.stride_tricks.sliding_window_view(one, 4) for one in (t, values))
+    apart = times[:, :, None] - times[:, None, :] + np.eye(4)
+    weights = 1.0 / np.prod(apart, axis=2)
+    rest = np.sum(weights * (four - four[:, :1]), axis=1) / np.linalg.norm(weights, axis=1)
+    return float(1.4826 * np.median(np.abs(rest)))
+
+
+def noise_lost(t: Floats, values: Floats, even: Floats) -> float:
+    """Return the noise of measured values, relative to that after interpolation to even times."""
+    after = measurement_noise(np.interp(even, t, values))
+    return max(1.0, measurement_noise(values, t) / after) if after else 1.0
 
 
 FINENESS = 4.0
