@@ -191,7 +191,7 @@ def real(
                 case.loop.step()
             return run_case(case, name, Path(folder), LATE + PAGE_LATE * KINDS[name].paged)
     finally:
-        case.stream.close()
+        case.stream.unlink()
         if case.page:
             case.page.end()
 

@@ -39,8 +39,10 @@ NO_PAIR = Pair(math.nan, math.nan, math.nan)
 class Controller:
     """Runs the ticks of the control loop.
 
-    In each tick, the controller reads the rig, computes and limits the velocities, and commands the
-    drives. The estimation is a reader of the ticks (`teleop.streams.estimation`).
+    In each tick, the controller reads the rig, computes the desired velocities, lets the supervisor
+    limit them, commands the drives, and returns a `Record`. The loop (`teleop.trial.loop`) writes
+    it to the stream (`teleop.streams.stream`), from which all other parts read it. Stiffness and
+    damping of the specimen are estimated by such a reader, not here.
 
     An exception within a tick becomes a fault for the supervisor, which stops the drives. The first
     exception is stored in `error`. The method `tick` raises an exception only in two cases: the
@@ -76,10 +78,11 @@ class Controller:
         self._start = math.nan
         self._lateness = 0.0
         self._energised = False
-        """Whether the drives have not confirmed that they are disabled, after `Rig.enable`."""
+        """True from `Rig.enable` until the drives confirm that they are disabled."""
         self._idled = math.nan
-        """Time of the first call of `Rig.idle` that was not confirmed yet [s]."""
+        """Time of the first unconfirmed call of `Rig.idle` [s]; NaN if there is none."""
         self._silent = False
+        """Whether no command is sent until the drives confirm that they are disabled."""
         self._phase = math.nan
         self._faults: list[DetectedFault] = []
         self._note = ""
@@ -87,7 +90,7 @@ class Controller:
         self.finished = False
         """Whether the control condition has finished, so that the trial ends."""
         self.error: Exception | None = None
-        """The first exception that occurred within a tick; None if there was no exception."""
+        """The first exception within a tick since the start or `rearm`; None if there was none."""
 
     @property
     def mode(self) -> Mode:
@@ -101,13 +104,13 @@ class Controller:
 
     @property
     def stops(self) -> bool:
-        """Whether the drives have not confirmed a stop, or the slave is not at rest since then."""
+        """True until the drives have confirmed a stop, and the slave is at rest since then."""
         return self._energised or self._supervision.halting is not None
 
     def rearm(self) -> None:
         """Clear the faults, so that the drives can be armed again. The drives remain disabled.
 
-        The supervisor first repeats all checks that it makes before arming.
+        Before the drives are armed again, the supervisor repeats all its checks.
         """
         supervision = rearmed(self._supervision)
         self._rig.rearm()

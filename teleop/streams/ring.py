@@ -46,11 +46,11 @@ class RingWriter:
 
     @property
     def place(self) -> int:
-        """Place of the next record in the memory. `publish` follows after it was written there."""
+        """Offset of the next record in the memory [bytes]. Write it there, then call `publish`."""
         return HEAD + (self.newest + 1) % self._count * self._size
 
     def publish(self, records: int = 1) -> None:
-        """State that this number of records was written."""
+        """Make this number of written records visible to readers."""
         self._head[0] = self.newest = self.newest + records
 
     def write(self, records: Records) -> None:

@@ -1,9 +1,10 @@
 """The stream of one trial: ticks, events and estimates in rings that processes share.
 
-The control loop writes ticks and events, and the estimation writes the estimates of the ticks.
-Every other part reads: recorder, progress line, live page, viewers, wanted precision, result. In
-real time, the readers are other processes. In virtual time, the same readers run in the process of
-the loop, in blocks of ticks.
+The control loop writes ticks and events, and the estimation writes the estimates of the ticks. All
+other parts read them: the recorder, which also shows the progress line, the live page, viewers of
+the Foxglove protocol, the evaluation of the wanted precision, and a Python session (`READERS`). In
+real time, each reader is a process of its own. In virtual time, the same readers run in the process
+of the loop, after each block of ticks (`teleop.trial.readers`). The loop waits for no reader.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
     from teleop.control.tick_record import Record
 
 STORED = 40.0
-"""Time for which the rings store ticks, unless more is wanted [s]."""
+"""Time for which the rings of a recorded trial store ticks [s]."""
 EVENT_SLOTS, EVENT_SIZE = 256, 8176
 """Number of events in their ring, and largest size of an event [bytes]. The texts of an event have
 up to 500 characters, each of which needs up to 12 bytes (see `dumps`)."""
@@ -37,13 +38,15 @@ LONGEST_TEXT = 400
 EVENT = np.dtype([("tick", "u8"), ("length", "u8"), ("text", f"V{EVENT_SIZE}")])
 """An event: number of the tick at which it occurred, and its JSON document."""
 READERS = ("recorder", "estimation", "live page", "foxglove", "evaluation", "python")
-"""Readers in other processes. Each has a number of 8 bytes, the ticks that it has missed."""
+"""Readers in other processes, at most one of each. Each has a counter of the ticks that it has
+missed, in the part `missed` of the memory."""
+RECORDER = READERS.index("recorder")
 PATIENCE = 2.0
-"""Longest time for which a reader waits for the estimates of a tick [s]."""
+"""Age of a tick above which it is read without its estimates, if they are late [s]."""
 
 
 class Batch(NamedTuple):
-    """Successive ticks, and the events at these ticks."""
+    """Successive ticks, and the new events."""
 
     first: int
     """Number of the first tick, from 1."""
@@ -52,7 +55,8 @@ class Batch(NamedTuple):
     rows: Floats
     """Values of the ticks in the order of the columns, shape (n, columns)."""
     events: list[tuple[int, dict[str, Any]]]
-    """Events, with the number of the tick at which each occurred."""
+    """Events up to the newest tick that was read, with the number of the tick at which each
+    occurred. An event is written after its tick, so that it can follow in the next batch."""
     is_after_gap: bool
     """Whether ticks before the first one were missed."""
 
@@ -91,7 +95,7 @@ class Stream:
                 else:
                     self._memory[name] = mmap(-1, size)
         except BaseException:
-            self.close()
+            self.unlink()
             raise
         self._ticks = self._writer("ticks")
         self._events = self._writer("events")
@@ -107,7 +111,8 @@ class Stream:
     def write(self, record: Record) -> None:
         """Write a tick."""
         ticks = self._ticks
-        self._write(ticks.memory, ticks.place, monotonic(), record, self._missed[0])
+        dropped = self._missed[RECORDER]  # so that the live page can state it
+        self._write(ticks.memory, ticks.place, monotonic(), record, dropped)
         ticks.publish()
 
     def event(self, event: Event) -> None:
@@ -118,7 +123,7 @@ class Stream:
 
     @property
     def missed(self) -> dict[str, int]:
-        """Number of ticks that each reader in another process has missed."""
+        """Number of ticks that each reader in another process has stated to have missed."""
         return dict(zip(READERS, self._missed, strict=False))
 
     @property
@@ -142,7 +147,7 @@ class Stream:
     def _writer(self, name: str) -> RingWriter:
         return RingWriter(self._memory[name], *self._sections[name])
 
-    def close(self) -> None:
+    def unlink(self) -> None:
         """Remove the names of the shared memory. Processes that have opened it can still read."""
         for file in self._files.values():
             file.remove()
@@ -195,7 +200,8 @@ class StreamReader:
         self.patience = PATIENCE
         self._event = 0
         """Number of the newest event that was read."""
-        """Number of the newest tick with estimates when the estimates were late."""
+        self._is_after_gap = False
+        """Whether ticks were missed since the last ones that were returned."""
         self._cell = memoryview(memory["missed"]).cast("Q") if name else None
         self._index = READERS.index(name) if name else 0
         place = {column.name: i for i, column in enumerate(schema.columns)}
@@ -215,7 +221,7 @@ class StreamReader:
 
     @property
     def is_behind(self) -> bool:
-        """Whether there are ticks or events that were not read."""
+        """Whether there are ticks or events that were not read, or are withheld."""
         return self.position < self.ticks.newest or self._event < self._events.newest
 
     def read(self, most: int = 1 << 14) -> Batch | None:
@@ -223,13 +229,16 @@ class StreamReader:
         before = self.position
         end = min(self._end() + 1, max(before + 1, self.ticks.oldest) + most)
         first, written, rows = self.rows(before + 1, end)
-        self.position = max(before, end - 1)
-        if is_after_gap := first > before + 1:
+        self.position = first - 1 + len(rows)
+        if first > before + 1:
+            self._is_after_gap = True
             self.miss(first - before - 1)
         rows[:, self._dropped] = np.maximum(rows[:, self._dropped], self.missed)
         events = list(self._new_events())
         if not (len(rows) or events):
             return None
+        is_after_gap = self._is_after_gap
+        self._is_after_gap = is_after_gap and not len(rows)
         return Batch(first, written, rows, events, is_after_gap)
 
     def miss(self, ticks: int) -> None:
@@ -239,7 +248,7 @@ class StreamReader:
             self._cell[self._index] = self.missed
 
     def estimates_writer(self) -> RingWriter:
-        """Return the writer of the estimates, for the reader that computes them."""
+        """Return the writer of the estimates. Only the reader that computes them calls it, once."""
         return RingWriter(self._memory["estimates"], *self._sections["estimates"])
 
     def rows(self, first: int, end: int) -> tuple[int, Floats, Floats]:

@@ -84,7 +84,7 @@ class Outputs:
             else:
                 self.readers = ReadersInProcesses(self.stream, settings, recorded, precision)
         except BaseException:
-            self.stream.close()
+            self.stream.unlink()
             raise
         self.outcome = Outcome()
         self.black_box: Path | None = None
@@ -107,7 +107,7 @@ class Outputs:
         try:
             self.outcome = self.readers.close()
         finally:
-            self.stream.close()
+            self.stream.unlink()
 
     def ticks(self) -> Recording | RecordingFile:
         """Return all ticks; those in the ring if the file of the recording was lost."""

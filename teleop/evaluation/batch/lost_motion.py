@@ -19,8 +19,10 @@ References
 ----------
 G. H. Golub, V. Pereyra, "The differentiation of pseudo-inverses and nonlinear least squares
 problems whose variables separate", SIAM J. Numer. Anal. 10(2), 1973; M. Brokate, J. Sprekels,
-"Hysteresis and Phase Transitions", Springer, 1996; A. E. Raftery, "Bayesian model selection in
-social research", Sociological Methodology 25, 1995.
+"Hysteresis and Phase Transitions", Springer, 1996; C. R. Rao, "Large sample tests of statistical
+hypotheses concerning several parameters", Math. Proc. Cambridge Phil. Soc. 44(1), 1948 (score
+test); A. E. Raftery, "Bayesian model selection in social research", Sociological Methodology 25,
+1995.
 """
 
 from __future__ import annotations

@@ -518,17 +518,14 @@ def with_half_widths(
             for sign in (-1.0, 1.0)
         ),
     )
-    result = replace(result, k_low=result.k - half_k, k_high=result.k + half_k, k_tip=k_tip)
-    if result.b is None or half_b is None:
-        return result
-    result = replace(result, b_low=result.b - half_b, b_high=result.b + half_b)
-    if half_b <= abs(result.b) or DAMPING_NOT_RESOLVED in result.reasons:
-        return result
-    return replace(
-        result,
-        b_reason=DAMPING_NOT_RESOLVED,
-        reasons=(*result.reasons, DAMPING_NOT_RESOLVED),
-    )
+    b, reasons = result.b, result.reasons
+    found = replace(result, k_low=result.k - half_k, k_high=result.k + half_k, k_tip=k_tip)
+    if b is None or half_b is None:
+        return found
+    found = replace(found, b_low=b - half_b, b_high=b + half_b)
+    if half_b <= abs(b) or DAMPING_NOT_RESOLVED in reasons:
+        return found
+    return replace(found, b_reason=DAMPING_NOT_RESOLVED, reasons=(*reasons, DAMPING_NOT_RESOLVED))
 
 
 MEASURE = (

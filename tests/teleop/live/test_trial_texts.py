@@ -39,7 +39,7 @@ def trial():
             "by_page": True,
         }
     )
-    stream.close()
+    stream.unlink()
 
     def report(mode, text, fault=None, source=""):
         stream.event(Event(1.0, mode, text, fault, source))

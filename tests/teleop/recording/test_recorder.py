@@ -52,7 +52,7 @@ class Recording:
         try:
             self.process.begin(session)
         except InputError:
-            self.stream.close()
+            self.stream.unlink()
             raise
         self.process.tell({"start": 10**18})
 
@@ -72,7 +72,7 @@ class Recording:
     def close(self, timeout=20.0):
         self.closed = True
         *_, status = self.process.finish(timeout) or [{"problem": "the recorder was killed"}]
-        self.stream.close()
+        self.stream.unlink()
         return outcome_of(str(self.path), status)
 
 

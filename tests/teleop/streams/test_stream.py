@@ -208,7 +208,7 @@ def test_ticks_that_a_reader_missed_are_counted_and_marked_as_a_gap():
     other.read()
     assert column(batch, "dropped").tolist() == [lost]
     assert trial.stream.reader().columns(1041, 1042)["dropped"].tolist() == [lost]
-    trial.stream.close()
+    trial.stream.unlink()
 
 
 def test_the_ticks_that_must_be_stored_can_be_read_together():
@@ -285,7 +285,7 @@ def test_another_process_reads_what_the_loop_writes_by_name():
     stream.fill(stream.row(0.5), stream.row(0.501))
     document = stream.document
     reader = StreamReader.open(document, "live page")
-    stream.close()
+    stream.unlink()
     with pytest.raises(OSError, match="No such file"):
         StreamReader.open(document, "live page")
     assert reader.schema == layout.schema
@@ -320,5 +320,5 @@ def test_no_file_is_left_if_the_memory_is_full(monkeypatch, tmp_path, possible):
     monkeypatch.setattr("teleop.streams.shared_file.MEMORY", tmp_path)
     monkeypatch.setattr(SharedFile, "create", create)
     with pytest.raises(InputError, match="no memory for the ticks of the trial: no space left"):
-        run_trial(TrialSettings(duration=0.1))
+        run_trial(TrialSettings(duration=0.1, rate=50.0))
     assert list(tmp_path.iterdir()) == []
