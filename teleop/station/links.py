@@ -186,7 +186,7 @@ class SlaveLink(StationLink):
         self._side = side
         self._retreat = retreat
         self._motion = MasterMotion(0.0)
-        self._sent = self._transit = 0.0
+        self._sent = 0.0
         self._number = -1
         self._goal = self._end = math.nan
         self._advanced = 0.0

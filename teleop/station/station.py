@@ -30,6 +30,11 @@ GOODBYES = 5
 FAULTS = tuple(Fault)
 
 
+def fault_name(rank: int) -> str:
+    """Return the name of a fault in a datagram, which can be that of another version."""
+    return FAULTS[rank] if rank < len(FAULTS) else "a fault"
+
+
 class ConnectionValues(NamedTuple):
     """Values of the connection that a station records at one tick.
 
@@ -104,8 +109,9 @@ class Station:
         if now - self.peer.heard > LEFT:
             self.reason = f"the {self.other} has sent nothing for {LEFT:g} s"
         elif newest.flags & ENDING or newest.mode is FAULT:
-            why = f": {FAULTS[newest.fault]}" if newest.fault != NO_FAULT else ""
-            self.reason = f"the {self.other} ended before the drives were armed{why}"
+            self.reason = f"the {self.other} ended before the drives were armed"
+            if newest.fault != NO_FAULT:
+                self.reason += f": {fault_name(newest.fault)}"
         self.waits_for = self._missing(now, newest.mode, bool(newest.flags & CONSENT))
         self.arms = not self.waits_for
 
@@ -132,8 +138,7 @@ class Station:
         """Stop the drives if the other station does not control its own any more."""
         nan = math.nan
         if mode is FAULT:
-            what = FAULTS[fault] if fault < len(FAULTS) else "fault"
-            source = f"the {self.other} has stopped: {what}"
+            source = f"the {self.other} has stopped: {fault_name(fault)}"
             self.faults = (DetectedFault(Fault.OTHER_STATION, source, nan, nan, now),)
         elif mode is ACTIVE:
             self._followed = True

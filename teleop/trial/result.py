@@ -387,7 +387,7 @@ class Trial(Presented):
                 if event.get("source") == EXCITATION
             ],
             "actual_duration_s": found.end - (self.armed or {"time": 0.0})["time"]
-            if found.pairs
+            if found.pairs or (self.armed and not settings.has_slave)
             else 0.0,
             "contact_s": found.contact_time,
             "least_contact_s": LEAST_CONTACT,

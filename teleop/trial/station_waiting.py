@@ -37,11 +37,12 @@ class Waiting:
         error: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
+        # also after an error before the loop: the other one must not wait
+        station = self._station or self._connection.begin(RealClock(1.0))
+        station.finish()
         self._end.set()
         if self._station:
             self._thread.join()
-        else:  # the loop has not begun, for example after an error: the other one must not wait
-            self._connection.begin(RealClock(1.0)).finish()
 
     def begin(self, clock: Clock) -> Station:
         """Return the station for a control loop with this clock, and begin to look at it."""

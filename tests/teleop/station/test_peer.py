@@ -19,7 +19,7 @@ from teleop.station.station_port import StationPort
 from .network import NONCES, session
 
 KEY = bytes(range(32))
-COUNT = 2000
+COUNT = 10_000
 LOOPBACK = Address(socket.AF_INET, ("127.0.0.1", 0))
 
 

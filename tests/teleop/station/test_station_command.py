@@ -17,6 +17,7 @@ import pytest
 
 from teleop.cli import main
 from teleop.control.admittance import AdmittanceParameters
+from teleop.control.clock import RealClock
 from teleop.control.feedback.settings import FeedbackSettings
 from teleop.errors import InputError
 from teleop.recording.recording import load
@@ -29,6 +30,7 @@ from teleop.station.agreement import longest_round_trip
 from teleop.station.connection import connect, listen
 from teleop.station.keys import read_key
 from teleop.station.station_port import StationPort
+from teleop.trial.station_waiting import Waiting
 
 from ...busy_machine import REPEATS, busy_cause
 from .proxy import Proxy
@@ -280,3 +282,17 @@ def test_the_longest_round_trip_is_that_of_the_check_of_the_law():
     check_feedback(stable, 0.99 * longest)
     with pytest.raises(InputError, match="unstable|oscillate"):
         check_feedback(stable, 1.01 * longest + 1e-3)
+
+
+def test_a_station_that_ends_before_its_loop_tells_the_other_one(ports, key):
+    master, slave = ports
+    secret, found = read_key(key), []
+    waiting = threading.Thread(
+        target=lambda: found.append(listen(slave, secret, DOCUMENT, lambda text: None))
+    )
+    waiting.start()
+    with Waiting(connect(master, secret, DOCUMENT, lambda text: None)):
+        waiting.join(10.0)
+    station = found[0].begin(RealClock(1.0))
+    station.read(True, False)
+    assert "the master station ended before the drives were armed" in station.reason

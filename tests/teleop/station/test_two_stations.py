@@ -179,12 +179,14 @@ def test_a_slave_whose_master_is_not_armed_stops_waiting(monkeypatch):
     pair = TwoStations(PLAIN)
     pair.run(300)
     master = pair.master
+    moving = (5 * MS, 0.1, 0.0)
     for _ in range(1200):  # the master stays ready, although its person has armed it
         master.clock.wait()
         master.station.read(True, False)
-        master.station.peer.send(Mode.READY, CONSENT, (0.0,) * 3, master.station.echo)
+        master.station.peer.send(Mode.READY, CONSENT, moving, master.station.echo)
         pair.slave.step()
     assert pair.slave.station.armed
+    assert not np.any(pair.slave.recording["desired_slave_velocity"])
     assert "not armed within 0.5 s" in pair.slave.station.reason
     assert pair.slave.controller.mode is Mode.IDLE
 
@@ -244,6 +246,24 @@ def test_the_slave_travels_little_after_the_last_datagram():
     moved = np.max(np.abs(pair.slave.recording["slave_position"] - start)[-150:])
     assert speed > 0.02
     assert moved < speed * 10 * MS + 0.1 * MS
+
+
+def test_a_slave_that_is_behind_does_not_move_on_without_the_master():
+    limits = TightenedLimits(max_velocity=0.01, soft_force=20.0, hard_force=40.0)
+    slow = replace(PLAIN, duration=15.0, tightened_limits=limits)
+    pair = armed(TwoStations(PLAIN, Faults(0.01), slave=slow), 500)
+    slave = pair.slave
+    while slave.recording["commanded_slave_velocity"][-1] < 0.0099:
+        pair.run(10)
+    pair.run(200)
+    behind = pair.master.recording["master_position"][-1] - slave.recording["slave_position"][-1]
+    assert behind > 3 * MS
+    pair.forth.cut = True
+    pair.run(11)
+    start = slave.recording["slave_position"][-1]
+    pair.run(85)
+    assert slave.controller.mode is Mode.ACTIVE
+    assert slave.recording["slave_position"][-1] - start < 0.01 * 10 * MS
 
 
 def test_the_slave_retreats_by_the_stated_distance_before_it_stops():
