@@ -104,11 +104,14 @@ class Stations:
         return found
 
 
-def repeated(run):
-    """Run until the machine was not too busy; return the result."""
+def repeated(run, lost=""):
+    """Run until the machine was not too busy; return the result.
+
+    The station that is `lost` is not judged: it overruns when it continues after SIGSTOP.
+    """
     for _ in range(1 + REPEATS):
         found = run()
-        if found and not any(busy_cause(error) for _, _, error in found.values()):
+        if not any(busy_cause(found[side][2]) for side in found if side != lost):
             return found
     pytest.skip("the machine is too busy for two stations in real time")
 
@@ -159,7 +162,7 @@ def test_the_slave_stops_when_the_master_is_lost(tmp_path, key, cause):
             assert code in (2, 3)
             return stations.results()
 
-    found = repeated(run)
+    found = repeated(run, lost="master")
     code, _, error = found["slave"]
     assert code == 3, error
     assert "communication channel: silent" in error
