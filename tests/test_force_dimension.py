@@ -227,6 +227,10 @@ class NoBus:
 
     def poll(self): ...
 
+    def transmit(self, devices):
+        for device in devices:
+            device.transmit()
+
     def wait_for(self, condition, seconds):
         return condition()
 

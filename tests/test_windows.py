@@ -76,7 +76,6 @@ def test_a_trial_is_run_in_real_time_recorded_and_evaluated(windows):
     ("command", "expected"),
     [
         (("run", "--live"), "live page: not available on "),
-        (("run", "--until", "k=2%"), "until: not available on "),
         (("run", "--realtime", "require"), "not available on this system"),
         (("rig", "emulate", "serial-board.toml"), "a pseudo-terminal: not available on "),
     ],

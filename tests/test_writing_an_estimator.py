@@ -90,20 +90,21 @@ def test_an_estimator_with_an_invalid_or_ambiguous_name_is_refused(
 @pytest.mark.parametrize("clock", ["real", "virtual"])
 @pytest.mark.parametrize("ending", ["SystemExit(0)", "GeneratorExit"])
 def test_an_estimator_that_ends_the_program_within_a_tick_is_a_defect(
-    installed, tmp_path, capfd, estimator_page, clock, ending
+    installed, tmp_path, capfd, monkeypatch, estimator_page, clock, ending
 ):
     """With exit code 0 the trial would look complete."""
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))  # for the process of the estimation
     code = estimator_page.block("class Nlms")
     code += f"\ndef stopping(*arguments):\n    raise {ending}\n"
     code += "def make(preset):\n    made = nlms(preset)\n    made.advance = stopping\n"
     code += "    made.advance_all = stopping\n    return made\n"
     options = ["--estimators", "broken", "--condition", "autonomous"]
     run = [clock if word == "virtual" else word for word in RUN]
-    with (
-        installed(plugin(tmp_path, "broken", code)),
-        pytest.raises(RuntimeError, match="unexpected"),
-    ):
-        main([*run, *options])
+    with installed(plugin(tmp_path, "broken", code)):
+        assert main([*run, *options]) == 1
+    error = capfd.readouterr().err
+    assert "Traceback" in error
+    assert f"the estimates are not complete: {ending.partition('(')[0]}" in error
 
 
 def test_code_that_ends_the_program_is_named_with_exit_code_1(monkeypatch, capsys):

@@ -129,15 +129,17 @@ class TrialRunner:
             problems = [
                 text for text in (trial.ending, trial.incomplete, trial.without_estimates) if text
             ]
-            self._draw(trial, problems)
-            self._print(trial, problems)
+            if trial.estimation_traceback:  # this defect would end the evaluation, too
+                sys.stderr.write(trial.estimation_traceback)
+            else:
+                self._draw(trial, problems)
+                self._print(trial, problems)
         if trial.fault:
             for problem in problems:
                 print_error(problem)
             raise SafetyStop(trial.stop_text)
-        if trial.estimation_traceback:  # a defect of an estimator
+        if trial.estimation_traceback:
             print_error("; ".join(problems))
-            sys.stderr.write(trial.estimation_traceback)
             return 1
         if problems:
             raise InputError("; ".join(problems))

@@ -121,10 +121,10 @@ class LiveLink:
     def show_result(self, trial: Trial) -> None:
         """Evaluate a trial, and send its results to the live process, which shows them in the page.
 
-        If the drives were not armed in the trial, nothing is sent.
+        If the drives were not armed, or an estimator has failed, nothing is sent.
         """
         self.trial = trial
-        if trial.armed:
+        if trial.armed and not trial.estimation_traceback:
             self.tell({"type": "evaluating"})
             summary = trial.summary()
             shown = result_document(trial.result, summary["estimates"])

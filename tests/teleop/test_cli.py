@@ -495,16 +495,16 @@ def test_a_file_of_random_bytes_is_reported_without_a_traceback(refused, tmp_pat
         refused("estimate", str(path))
 
 
-def test_a_recorder_that_cannot_be_started_is_reported_in_one_line(tmp_path):
+def test_a_reader_that_cannot_be_started_is_reported_in_one_line(tmp_path):
     """At most eight files may be open."""
     resource = pytest.importorskip("resource")
     done = subprocess.run(
-        [sys.executable, "-m", "teleop", "run", "--clock", "virtual", "--record", "a.mcap"],
+        [sys.executable, "-m", "teleop", "run", "--rate", "50", "--record", "a.mcap"],
         cwd=tmp_path,
         capture_output=True,
         text=True,
         preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_NOFILE, (8, 8)),
     )
     assert done.returncode == 2
-    assert done.stderr == ("teleop: the recorder process cannot be started: too many open files\n")
+    assert done.stderr == "teleop: estimation: cannot be started: too many open files\n"
     assert [*tmp_path.iterdir()] == []

@@ -156,7 +156,8 @@ def palpate_through(model, transmission, law, seconds=4.0, depth=4e-3, start=0.0
         x = 0.5 * depth * (1.0 - math.cos(2.0 * math.pi * t))
         v = 0.5 * depth * 2.0 * math.pi * math.sin(2.0 * math.pi * t)
         played = transmission.play(played, x)
-        force = transmission.tip_force(law, played, x, v)
+        tip = law.compressed(played, transmission.compliance)
+        force = transmission.tip_force(law, played, tip, x, v)
         model.update(Pair(x, force, DT))
 
 
