@@ -90,10 +90,9 @@ def test_an_estimator_with_an_invalid_or_ambiguous_name_is_refused(
 @pytest.mark.parametrize("clock", ["real", "virtual"])
 @pytest.mark.parametrize("ending", ["SystemExit(0)", "GeneratorExit"])
 def test_an_estimator_that_ends_the_program_within_a_tick_is_a_defect(
-    installed, tmp_path, capfd, monkeypatch, estimator_page, clock, ending
+    installed, tmp_path, capfd, estimator_page, clock, ending
 ):
     """With exit code 0 the trial would look complete."""
-    monkeypatch.setenv("PYTHONPATH", str(tmp_path))  # for the process of the estimation
     code = estimator_page.block("class Nlms")
     code += f"\ndef stopping(*arguments):\n    raise {ending}\n"
     code += "def make(preset):\n    made = nlms(preset)\n    made.advance = stopping\n"

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import base64
 import pickle
+import sys
 import traceback
 from collections.abc import Mapping
 from typing import Any, NamedTuple
@@ -187,11 +188,13 @@ class StreamEstimation(Reader):
 
 def session_of(preset: Preset, conditioner: Conditioner) -> dict[str, Any]:
     """Return the session of a process of the estimation, without the stream."""
-    return {"parts": base64.b85encode(pickle.dumps((preset, conditioner))).decode()}
+    parts = base64.b85encode(pickle.dumps((preset, conditioner))).decode()
+    return {"path": sys.path, "parts": parts}
 
 
 def in_process(session: Mapping[str, Any], stream: StreamReader, send: Send) -> StreamEstimation:
     """Return the estimation for a process of its own."""
+    sys.path[:] = session["path"]  # so that the estimators of other packages are found
     preset, conditioner = pickle.loads(base64.b85decode(session["parts"]))
     load_compiler()  # a long backlog is then processed by compiled code
     return StreamEstimation(Estimation(conditioner, preset.bank()), stream, send)
