@@ -96,6 +96,10 @@ class ReadersOfTrial(Readers):
         self._time, self._mode = 0.0, Mode.IDLE
         """Time [s] and mode of the latest tick that was looked at."""
 
+    @property
+    def _recording_failed(self) -> str:
+        return f"{self._path or 'progress line'}: recording failed"
+
     def _receive(self, name: str, message: Mapping[str, Any] | None) -> None:
         """Process a message of a reader; None if its process has ended."""
         message = message or {"failure": f"the {name} was killed", "traceback": ""}
@@ -134,7 +138,10 @@ class ReadersInLoop(ReadersOfTrial):
             estimation, stream.reader(), partial(self._receive, ESTIMATION)
         )
         send = partial(self._receive, "recorder")
-        self._recorder = Recorder(recording, stream.reader(), send) if recording else None
+        try:
+            self._recorder = Recorder(recording, stream.reader(), send) if recording else None
+        except InputError as error:
+            raise InputError(f"{self._recording_failed}: {error}") from error
         send = partial(self._receive, "evaluation")
         self._precision = Precision(precision, stream.reader(), send) if precision else None
         self._due = 0
@@ -190,10 +197,9 @@ class ReadersInProcesses(ReadersOfTrial):
         }
         self._sessions = {name: session for name, session in sessions.items() if session}
         self._processes: dict[str, ChildProcess] = {}
-        recorder = f"{self._path or 'progress line'}: recording failed"
         try:
             for name in self._sessions:
-                what = recorder if name == "recorder" else name
+                what = self._recording_failed if name == "recorder" else name
                 self._processes[name] = ChildProcess(MODULES[name], what)
         except InputError:
             self._end()
