@@ -1,6 +1,6 @@
 """Two stations in two network namespaces: kill -9, SIGSTOP and a cut cable at random moments.
 
-    sudo python benchmarks/station_processes.py N [RATE]
+    sudo python benchmarks/station_processes.py N [RATE] [--cause "cut cable"]
 
 Needs Linux and the permission to create network namespaces. A virtual cable connects the
 namespaces. If the kernel has netem, it has a delay of 10 ms, a jitter of 2 ms and a loss of 1 % in
@@ -155,6 +155,9 @@ def one(cause: str, seed: int, rate: str) -> tuple[float, bool] | None:
                     moving[np.flatnonzero(active)[-1] + round(0.05 * float(rate)) :]
                 )
         assert at
+        if not holds:
+            codes = {side: process.returncode for side, process in processes.items()}
+            print(f"{cause}, seed {seed}: codes {codes}\n{errors}", file=sys.stderr)
         return took, holds
 
 
@@ -162,10 +165,11 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("trials", type=int)
     parser.add_argument("rate", nargs="?", default="1000")
+    parser.add_argument("--cause", action="append", choices=CAUSES)
     options = parser.parse_args()
     print(f"{'cause':14} trials   zero commands after the last datagram   as it must be   busy")
     try:
-        for cause in CAUSES:
+        for cause in options.cause or CAUSES:
             took, held, busy = [], 0, 0
             seed = 0
             while len(took) < options.trials and busy < 3 * options.trials:
