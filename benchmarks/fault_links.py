@@ -28,8 +28,8 @@ class ActiveMaster(MasterHalf):
 
 
 def activate(case: Case) -> None:
-    link = case.controller._link
-    link._master = ActiveMaster(link._admittance)
+    master = case.controller._link._master
+    master.law = ActiveMaster(master.admittance)
 
 
 def gave_energy(case: Case, travel: float, change: float) -> bool:

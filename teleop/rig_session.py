@@ -21,6 +21,8 @@ from multiprocessing.util import Finalize
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from drivers import RigError
 from teleop.control.conditions import Condition
 from teleop.errors import InputError
@@ -34,6 +36,7 @@ from teleop.settings.rig_loading import load_rig_file
 from teleop.settings.trial_settings import TrialSettings
 from teleop.streams.stream import Stream, StreamReader, columns_of
 from teleop.trial.arming import arming_text
+from teleop.trial.assembly import make_layout
 from teleop.trial.result import Trial
 from teleop.trial.run import run_trial
 
@@ -365,6 +368,8 @@ class RunningTrial:
         overwrite: bool,
     ) -> None:
         self.settings, self.path = settings, path
+        bank = settings.estimation_preset.bank()
+        self._names = [column.name for column in make_layout(settings, bank).schema.columns]
         self._stream: StreamReader | None = None
         self._connection, other = multiprocessing.Pipe()
         arguments = (settings, path, armed, realtime, overwrite, other)
@@ -405,7 +410,7 @@ class RunningTrial:
         """
         stream = self._opened()
         if not stream:
-            return {}
+            return {name: np.empty(0) for name in self._names}
         newest = stream.ticks.newest
         count = max(int(seconds * self.settings.loop_rate), 1)
         return stream.columns(max(newest - count + 1, 1), newest + 1)

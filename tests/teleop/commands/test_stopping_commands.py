@@ -13,12 +13,10 @@ from pathlib import Path
 import pytest
 
 from teleop.cli import main
-from teleop.interruption import CLEAN_UP
 from teleop.recording import new_recording
 from teleop.safety import Request
 from teleop.studies.json_lines import locked
 from teleop.studies.series.journal import Journal
-from teleop.trial.stop_switch import RESPONSE_TIME
 
 ROOT = Path(__file__).parents[3]
 
@@ -80,29 +78,6 @@ def test_ctrl_c_while_a_silent_rig_opens_ends_with_130(tmp_path, undemanding_rig
 
 @pytest.mark.real_time
 @pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="needs /proc")
-def test_ctrl_c_twice_ends_a_run_in_virtual_time_whose_recorder_is_stopped(tmp_path):
-    """The loop waits for the pipe, and does not respond to requests."""
-    with start("run", "--clock", "virtual", "--duration", "3600", "--record", "a.mcap") as process:
-        children = Path(f"/proc/{process.pid}/task/{process.pid}/children")
-        path = tmp_path / "a.mcap"
-        while not (path.exists() and path.stat().st_size):
-            time.sleep(0.05)
-        (recorder,) = map(int, children.read_text().split())
-        os.kill(recorder, signal.SIGSTOP)
-        while has_worked(process.pid):
-            pass
-        for pause in (
-            2 * RESPONSE_TIME,
-            1.2 * CLEAN_UP,
-            0.0,
-        ):  # the loop, and then the recorder's end
-            process.send_signal(signal.SIGINT)
-            time.sleep(pause)
-        process.communicate()
-    assert process.returncode == 130
-    assert not Path(f"/proc/{recorder}").exists()
-
-
 def test_a_run_that_is_stopped_before_arming_reports_that_it_is_not_drawn(monkeypatch, capsys):
     def request(self, arm, skipped, end=""):
         self.count = 1

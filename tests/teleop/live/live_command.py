@@ -88,7 +88,7 @@ class Command:
     def shared_files(self):
         """Files that the command has in memory to share them with the live process."""
         lines = Path(f"/proc/{self.process.pid}/maps").read_text().splitlines()
-        return {Path(line.split()[5]) for line in lines if "/teleop-live-" in line}
+        return {Path(line.split()[5]) for line in lines if "/shm/teleop-" in line}
 
     def page(self, **options):
         return page(self.address, self.token, **options)

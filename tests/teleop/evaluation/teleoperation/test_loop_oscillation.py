@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sim_backend import operators
-from teleop.control import bilateral
+from teleop.control import sides
 from teleop.control.channel import ChannelSettings
 from teleop.evaluation.teleoperation.loop_oscillation import RunningSpectra, loop_oscillation
 from teleop.evaluation.teleoperation.rendering import hand
@@ -134,7 +134,7 @@ def test_an_oscillation_without_a_stop_is_counted_as_unstable_with_and_without_t
     monkeypatch, feedback_settings, tremor
 ):
     monkeypatch.setattr(operators, "TREMOR_AMPLITUDE", tremor)
-    monkeypatch.setattr(bilateral, "MOST_SHARE", np.inf)
+    monkeypatch.setattr(sides, "MOST_SHARE", np.inf)
     settings = feedback_settings("position-force", "hard", 150.0, duration=6.0)
     result = run_trial(settings)
     assert result.fault is None
