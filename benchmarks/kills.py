@@ -149,7 +149,7 @@ def victim(path: Path, address: str, real: Any, law: Any, page: str) -> None:
 
     At the end, whether the recording is complete is written to standard output.
     """
-    run_module.check_rate = lambda settings: 0.0
+    run_module.check_rate = lambda settings, real: None
     settings = settings_of("free", "soft", law, duration=2.0)
     live = None
     if page != "none":

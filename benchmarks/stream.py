@@ -66,7 +66,7 @@ ESTIMATORS = {"three": ("rls", "ai", "me"), "all": tuple(BUILT_IN)}
 
 def run(path: str, seconds: float, estimators: str, rate: float) -> None:
     """Run a trial with a live page. This process writes two lines, see `WatchedTrial`."""
-    run_module.check_rate = lambda settings: 0.0
+    run_module.check_rate = lambda settings, real: None
     settings = TrialSettings(
         duration=seconds + WARM + 2.0, estimators=ESTIMATORS[estimators], rate=rate
     )
