@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 from drivers import Command, Measurement, new_tuple
-from teleop.control.bilateral import LinkValues
 from teleop.control.feedback.law import MasterMotion, Report
 from teleop.control.link import Link
 from teleop.control.sides import MasterSide, MasterValues, SlaveSide, silence_fault
@@ -14,7 +12,7 @@ from teleop.safety import Verdict
 from teleop.safety.channels import DetectedFault
 from teleop.safety.events import ACTIVE
 from teleop.station.datagram import motion_values, report_values, to_motion, to_report
-from teleop.station.station import ConnectionValues, Station
+from teleop.station.station import Station
 
 FADING = 0.1
 """Time in which the displayed force of a force-commanded master fades after a silence [s]."""
@@ -29,39 +27,11 @@ PATIENCE = 1.0
 NO_MASTER = MasterValues(*[math.nan] * len(MasterValues._fields))
 
 
-class StationLinkValues(NamedTuple):
-    """Values that the link of a station records at one tick.
-
-    They are those of `LinkValues`, NaN for the other side, and of `ConnectionValues`.
-    """
-
-    displayed_force: float
-    model_stiffness: float
-    model_stiffening: float
-    model_damping: float
-    tank: float
-    port_energy: float
-    master_energy: float
-    slave_energy: float
-    report_age: float
-    motion_age: float
-    station_clock: float
-    sent_datagrams: float
-    received_datagram: float
-    other_mode: float
-    offset_low: float
-    offset_high: float
-    round_trip: float
-    lost_datagrams: float
-    overtaken_datagrams: float
-    rejected_datagrams: float
-
-
-assert StationLinkValues._fields == LinkValues._fields + ConnectionValues._fields
-
-
 class StationLink(Link):
     """Base class of the links of both stations.
+
+    The values that are recorded are those of `LinkValues`, NaN for the other side, and of
+    `ConnectionValues`.
 
     `max_silence` is the longest permitted time without a datagram of the other station [s].
     """
@@ -161,7 +131,7 @@ class MasterLink(StationLink):
         station, report = self.station, self._report
         station.send(verdict, motion_values(self._motion))
         age = station.peer.age(station.echo).high
-        values = (
+        self.values = (
             *self._side.values,
             math.nan,
             report.energy,
@@ -169,7 +139,6 @@ class MasterLink(StationLink):
             math.nan,
             *station.values(self._now),
         )
-        self.values = new_tuple(StationLinkValues, values)
 
 
 class SlaveLink(StationLink):
@@ -248,5 +217,5 @@ class SlaveLink(StationLink):
             station.echo, station.lag = newest.sent, 0.0
         station.send(verdict, report_values(self._side.report(measurement, self._dt)))
         age = station.peer.age(station.echo).high
-        values = (*NO_MASTER, self._played, math.nan, math.nan, age, *station.values(self._now))
-        self.values = new_tuple(StationLinkValues, values)
+        connection = station.values(self._now)
+        self.values = (*NO_MASTER, self._played, math.nan, math.nan, age, *connection)

@@ -13,7 +13,6 @@ import socket
 import struct
 import sys
 import time
-from types import TracebackType
 from typing import Any, NamedTuple, Self
 
 from teleop.errors import InputError, reason
@@ -73,12 +72,7 @@ class StationPort:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._socket.close()
 
     def fileno(self) -> int:

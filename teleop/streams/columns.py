@@ -243,7 +243,7 @@ class Layout:
             (*OF_ESTIMATION, *(column.name for column in of_estimators)),
             tuple(bank),
         )
-        self._of_link = attrgetter(*(f"link.{c.name}" for c in link)) if link else no_values
+        self._of_link = len(link)
         self._pack_into = Struct(f"@{1 + len(self.schema.loop)}d").pack_into
 
     def write(self, memory: mmap, place: int, now: float, record: Record, dropped: float) -> None:
@@ -256,10 +256,5 @@ class Layout:
             further = pointer.depth, pointer.grip, record.measurement.time
         if self._observer:
             further = (*further, record.observed_hand_force)
-        link = self._of_link(record)
+        link = record.link[: self._of_link]  # in the order of the columns
         self._pack_into(memory, place, now, *values_of(record), dropped, *link, *further)
-
-
-def no_values(record: Record) -> tuple[float, ...]:
-    """Return the values of the link in a trial without force feedback and without a channel."""
-    return ()

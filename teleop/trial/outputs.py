@@ -50,7 +50,6 @@ class Outputs:
         self._metadata = session_metadata(settings, checked)
         self._start = 0
         self._before = round((BEFORE + AFTER) * settings.loop_rate) + 1
-        self._viewers = viewers
         in_loop = settings.clock == "virtual"
         stored = STORED if record else settings.duration + LONGER
         shared = not in_loop or bool(viewers)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import threading
-from types import TracebackType
 from typing import Self
 
 from teleop.control.clock import Clock, RealClock
@@ -31,12 +30,7 @@ class Waiting:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         # also after an error before the loop: the other one must not wait
         station = self._station or self._connection.begin(RealClock(1.0))
         station.finish()

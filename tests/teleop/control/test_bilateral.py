@@ -11,12 +11,16 @@ import pytest
 
 from sim_backend import CUBES, OperatorModel, Setup
 from teleop.control.admittance import AdmittanceParameters
+from teleop.control.bilateral import LinkValues
 from teleop.control.channel import ChannelSettings
 from teleop.control.feedback.law import STIFF_PRIOR
 from teleop.control.feedback.settings import FeedbackSettings
+from teleop.control.sides import MasterValues
 from teleop.safety import Fault, Mode
 from teleop.safety.tightened_limits import TightenedLimits
 from teleop.settings.trial_settings import TrialSettings
+from teleop.station.station import ConnectionValues
+from teleop.streams.columns import FEEDBACK_COLUMNS, STATION_COLUMNS
 from teleop.trial.assembly import make_clock, make_controller, make_layout, make_rig
 from teleop.trial.run import run_trial
 from teleop.trial.stop_switch import StopSwitch
@@ -141,6 +145,18 @@ def test_a_silent_channel_ramps_to_a_stop_with_its_name(direction):
     cut_at = 0.8 - settings.limits.preflight
     assert faults[0].time == pytest.approx(cut_at + 0.02 + 0.1, abs=5e-3)
     assert record.applied == (0.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("columns", "values"),
+    [
+        (FEEDBACK_COLUMNS, LinkValues._fields),
+        (FEEDBACK_COLUMNS[:6], MasterValues._fields),
+        (STATION_COLUMNS, ConnectionValues._fields),
+    ],
+)
+def test_the_values_of_a_link_are_in_the_order_of_their_columns(columns, values):
+    assert tuple(column.name for column in columns) == values
 
 
 def test_the_columns_of_the_link_are_recorded_only_with_a_link():
