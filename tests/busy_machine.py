@@ -19,6 +19,7 @@ CAUSES_ON_DEVICES = (
     r"is stale: last sample [\d.]+ ms old",
     r": [\d.]+ ms old, limit 100 ms",
     r"the slave does not follow its command: 2\.\d+ mm behind it",
+    r"commanded [-+][\d.]+ mm, \w+ shows [-+][\d.]+ mm",
 )
 """Messages about a pause of the loop, or of emulated devices, which also need a processor."""
 REPEATS = 2

@@ -17,9 +17,12 @@ import pytest
 
 from teleop.cli import main
 
-pytestmark = pytest.mark.skipif(
-    sys.platform == "win32", reason="there are no pseudo-terminals on this system"
-)
+pytestmark = [
+    pytest.mark.skipif(
+        sys.platform == "win32", reason="there are no pseudo-terminals on this system"
+    ),
+    pytest.mark.real_time,
+]
 ATTEMPTS = 4
 """A command in real time is repeated where the machine was taken away meanwhile."""
 
@@ -130,7 +133,7 @@ def test_a_trial_estimates_from_the_sensors_force(recorded):
 
 def test_the_recording_is_estimated_again(command, recorded):
     summary = command("estimate", recorded[1], "--json")
-    assert summary["as_online"]
+    assert summary["as_online"], (summary["missing_ticks"], summary["missing_estimates"])
     estimates = summary["estimates"]["nlms"], recorded[0]["estimates"]["nlms"]
     assert estimates[0]["k"] == estimates[1]["k"]
     other = command("estimate", recorded[1], "--estimators", "nlms,kalman", "--json")

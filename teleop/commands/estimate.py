@@ -265,5 +265,6 @@ def recorded(evaluation: Evaluation, recording: Recording | None) -> dict[str, A
     return {
         "as_online": evaluation.online.as_recorded and not recording.gaps,
         "missing_ticks": gap_rows(recording.gaps),
+        "missing_estimates": evaluation.online.unrecorded,
         "estimated_channels": recording.estimated_channels,
     }

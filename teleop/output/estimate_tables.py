@@ -347,6 +347,12 @@ def print_gaps(console: Console, summary: Mapping[str, Any], details: bool) -> N
     if summary["missing_ticks"]:
         missing = missing_text([Gap(*row.values()) for row in summary["missing_ticks"]])
         console.print(f"  the estimates are not those of the run: {missing}", style="red")
+    elif missing := summary["missing_estimates"]:
+        console.print(
+            f"  the run did not record the estimates of {missing} of {summary['samples_used']} "
+            "samples, because they were late or an estimator had failed: all are computed here",
+            style="yellow",
+        )
     elif not summary["as_online"]:
         console.print(
             "  the settings are not those of the run, so that the estimates differ from those of "

@@ -41,7 +41,7 @@ READERS = ("recorder", "estimation", "live page", "foxglove", "evaluation", "pyt
 """Readers in other processes, at most one of each. Each has a counter of the ticks that it has
 missed, in the part `missed` of the memory."""
 RECORDER = READERS.index("recorder")
-PATIENCE = 2.0
+PATIENCE = 5.0
 """Age of a tick above which it is read without its estimates, if they are late [s]."""
 
 

@@ -72,6 +72,9 @@ class OnlineResult(NamedTuple):
     as_recorded: bool
     """Whether all estimates are exactly equal to the estimates that were recorded in the trial.
     False if no estimates were recorded."""
+    unrecorded: int
+    """Number of samples without recorded estimates, although others have them: the estimates were
+    late, or an estimator had failed."""
 
 
 class OnlineRun:
@@ -101,7 +104,7 @@ class OnlineRun:
         self._kept = KeptArrays(math.ceil(count / every) + 1)
         self._used = self._kept_samples = 0
         self._longest = self._deviation = 0.0
-        self._as_recorded = True
+        self._as_recorded, self._unrecorded = True, 0
 
     def add(
         self, samples: ConditionedSamples, recorded: Mapping[str, tuple[Floats, Floats]]
@@ -120,6 +123,9 @@ class OnlineRun:
             self._deviation, float(np.max(np.abs(within - self._period), initial=0.0))
         )
         self._as_recorded &= list(recorded) == list(self._bank)
+        if recorded:
+            values = np.array(list(recorded.values()))[:, :, used]
+            self._unrecorded += int(np.isnan(values).all(axis=(0, 1)).sum())
         for comparison in self._comparisons:
             comparison.begin(regression)
         places = np.arange(-self._used % self._every, len(t), self._every)
@@ -179,6 +185,7 @@ class OnlineRun:
             self._longest,
             self._deviation,
             self._as_recorded,
+            self._unrecorded,
         )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -139,6 +140,23 @@ def test_ctrl_c_is_not_an_exception_of_an_estimator(monkeypatch):
     ticks.write(5)
     with pytest.raises(KeyboardInterrupt):
         ticks.estimation.advance()
+
+
+def test_estimates_that_were_not_recorded_are_counted_as_the_cause(monkeypatch, tmp_path, capsys):
+    path = tmp_path / "a.mcap"
+    with monkeypatch.context() as patch:
+        fail_after(patch, 500, ZeroDivisionError("by design"))
+        patch.setattr("teleop.trial.readers.BLOCK", 1)
+        run_trial(SETTINGS, path)
+    samples = np.isfinite(load(path)["paired_position"]).sum()
+    assert main(["estimate", str(path), "--json"]) == 0
+    summary = json.loads(capsys.readouterr().out)
+    assert not summary["as_online"]
+    assert summary["missing_estimates"] == samples - 500
+    assert main(["estimate", str(path)]) == 0
+    text = " ".join(capsys.readouterr().out.split())
+    assert f"did not record the estimates of {samples - 500} of" in text
+    assert "the settings are not those" not in text
 
 
 @pytest.mark.parametrize("block", [1, 250, 10_000])
