@@ -19,7 +19,14 @@ from teleop.streams import stream as streams
 from teleop.streams.columns import Layout
 from teleop.streams.ring import RingReader
 from teleop.streams.shared_file import SharedFile
-from teleop.streams.stream import EVENT_SIZE, LONGEST_TEXT, Stream, StreamReader, event_record
+from teleop.streams.stream import (
+    EVENT_SIZE,
+    LONGEST_TEXT,
+    PATIENCE,
+    Stream,
+    StreamReader,
+    event_record,
+)
 from teleop.trial.run import run_trial
 
 from .filled import FilledStream, record_at
@@ -153,7 +160,7 @@ def test_after_late_estimates_nothing_is_withheld_until_there_are_new_ones(trial
     reader = trial.stream.reader()
     trial.tick(2)
     trial.estimate()
-    clock(2.1)
+    clock(PATIENCE + 0.1)
     assert numbers(reader.read()) == [1.0, 2.0]
     trial.tick()
     assert numbers(reader.read()) == [3.0]  # at once: the estimation is known to be late
