@@ -1,11 +1,14 @@
 """Measure the lateness of the live loop, compared with cyclictest and loop-rate-limiters.
 
     python benchmarks/loop.py
+    python benchmarks/loop.py --seconds 600 --cases "4000|board"
 
 Each case takes 30 s: an idle machine, a busy second processor at 1 kHz and at 4 kHz, an emulated
 serial board at 2 kHz, and loop-rate-limiters. The loop is `teleop run` with its recorder. At the
 same time, cyclictest (package rt-tests of Debian) measures the kernel's wake-ups at the same rate
-and priority on the other processor. The board is emulated on this processor too.
+and priority on the other processor. The board is emulated on this processor too. A wake-up that is
+late by n periods would have skipped n periods of a loop: this number stands beside the periods that
+the loop has skipped.
 `soak.py` runs the loop for a long time.
 """
 
@@ -14,6 +17,8 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import re
+import shlex
 import shutil
 import subprocess
 import sys
@@ -59,8 +64,11 @@ def cyclictest(seconds: float, processor: int, rate: int) -> subprocess.Popen[st
     )
 
 
-def percentiles(histogram: str) -> dict[str, float]:
-    """Return the percentiles of lateness [us] from the output of cyclictest."""
+def percentiles(histogram: str, rate: int) -> dict[str, float]:
+    """Return the percentiles of lateness [us] from the output of cyclictest.
+
+    `skipped` is the number of periods that a loop of this rate [Hz] would have skipped.
+    """
     rows = [line.split() for line in histogram.splitlines() if line[:1].isdigit()]
     late = np.array([int(row[0]) for row in rows])
     counts = np.array([int(row[1]) for row in rows])
@@ -71,6 +79,7 @@ def percentiles(histogram: str) -> dict[str, float]:
         "p99": float(late[np.searchsorted(share, 0.99)]),
         "p99_9": float(late[np.searchsorted(share, 0.999)]),
         "max": float(top.split(":")[1]),
+        "skipped": float(np.sum(counts * (late * rate // 1_000_000))),
     }
 
 
@@ -101,7 +110,7 @@ def compare(
     with busy(other) if load else nullcontext():
         peer = cyclictest(seconds, other, rate)
         summary = run(seconds, folder, rig)
-        kernel = percentiles(peer.communicate()[0]) if peer else None
+        kernel = percentiles(peer.communicate()[0], rate) if peer else None
     loop = summary["loop"]
     late, tick = loop["lateness_us"], loop["tick_us"]
     periods = summary["ticks"] + loop["skipped"]
@@ -114,7 +123,8 @@ def compare(
         print(
             f"  cyclictest  p50 {kernel['p50']:8.1f}  p99 {kernel['p99']:8.1f}  "
             f"p99.9 {kernel['p99_9']:8.1f}  max {kernel['max']:8.1f} us late\n"
-            f"  ratio of the p99: {late['p99'] / kernel['p99']:.2f}"
+            f"  ratio of the p99: {late['p99'] / kernel['p99']:.2f}; periods skipped: loop "
+            f"{loop['skipped']}, cyclictest {kernel['skipped']:.0f}"
         )
     print(
         f"  mean rate {loop['mean_rate_hz']:.4f} Hz, with the {loop['skipped']} skipped periods "
@@ -163,20 +173,26 @@ def limiter(seconds: float) -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--seconds", type=float, default=30.0, help="of each short comparison")
+    parser.add_argument("--cases", default="", help="regular expression of the names of the cases")
     options = parser.parse_args()
-    seconds = options.seconds
-    print(f"# python benchmarks/loop.py --seconds {seconds:g}, {date.today()}")
+    seconds, wanted = options.seconds, re.compile(options.cases)
+    print(f"# python benchmarks/loop.py {shlex.join(sys.argv[1:])}, {date.today()}")
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        compare("idle machine", seconds, folder, load=False)
-        compare("second core busy", seconds, folder)
-        fast = (*SIMULATED, f"--rate={FAST_RATE}")
-        compare("second core busy", seconds, folder, rate=FAST_RATE, rig=fast)
-        with emulated("serial-board", rate=BOARD_RATE) as file:
-            trial = (f"--rig={file}", "--condition=autonomous", "--specimen=soft")
-            board = (*trial, "--depth=10.3mm", "--yes")
-            compare("serial board", seconds, folder, load=False, rate=BOARD_RATE, rig=board)
-        limiter(seconds)
+        if wanted.search("idle machine"):
+            compare("idle machine", seconds, folder, load=False)
+        if wanted.search("second core busy"):
+            compare("second core busy", seconds, folder)
+        if wanted.search("4000 Hz"):
+            fast = (*SIMULATED, f"--rate={FAST_RATE}")
+            compare("second core busy", seconds, folder, rate=FAST_RATE, rig=fast)
+        if wanted.search("serial board"):
+            with emulated("serial-board", rate=BOARD_RATE) as file:
+                trial = (f"--rig={file}", "--condition=autonomous", "--specimen=soft")
+                board = (*trial, "--depth=10.3mm", "--yes")
+                compare("serial board", seconds, folder, load=False, rate=BOARD_RATE, rig=board)
+        if wanted.search("loop-rate-limiters"):
+            limiter(seconds)
 
 
 if __name__ == "__main__":

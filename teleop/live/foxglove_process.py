@@ -82,9 +82,6 @@ class FoxgloveBridge:
             for topic in (ALL, SLOW)
         }
 
-    def leave(self) -> None:
-        """Do nothing: viewers are not informed that the control process has ended."""
-
     def advance(self) -> None:
         """Send the ticks that are new since the last call, but at most the newest `BATCH` ticks."""
         batch = self._stream.read() if self._stream else None
@@ -120,7 +117,8 @@ def main() -> None:
     pipe.stop_waiting()
     try:
         while not pipe.is_over:
-            pipe.receive_into(bridge)
+            for message in pipe.messages():
+                bridge.receive(message)
             bridge.advance()
             time.sleep(PERIOD)
     finally:

@@ -39,8 +39,10 @@ async def main(folder: Path) -> None:
     pipe.stop_waiting()
 
     def has_ended() -> bool:
-        pipe.receive_into(feed)
-        return pipe.ended > 0.0
+        for message in pipe.messages():
+            feed.receive(message)
+        feed.gone = pipe.ended > 0.0
+        return feed.gone
 
     try:
         await serve(

@@ -29,12 +29,8 @@ DEEPEST = 0.1
 """Largest magnitude of the depth that the pointer of the live page can request [m]."""
 SENT = {"name": "sent", "unit": "s", "meaning": "time at which the loop wrote the tick"}
 """Description of a column that is not recorded. It is the last column of each row for the page."""
-
-
 STOPS = {"live page": "stopped with STOP in the page", "key": "stopped at the terminal"}
 """Description of an emergency stop by a person, by its source."""
-
-
 MOST_TRIALS = 50
 """Largest number of trials in the list of trials of the page."""
 TOLD = {"idle": "introduction", "ready": "introduction", "active": "instruction"}
@@ -97,7 +93,9 @@ class TrialFeed(Feed):
         self._armed_at: float | None = None
         self._step = 1
         self._indices: list[int] = []
-        self._mode, self._running, self._gone = Mode.IDLE, False, False
+        self._mode, self._running = Mode.IDLE, False
+        self.gone = False
+        """Whether the control process has ended, which the live page shows."""
         self._text = self._advice = ""
         self._grips = False
         """Whether the hand that follows the pointer holds the handle."""
@@ -111,9 +109,9 @@ class TrialFeed(Feed):
         self._by_person = False
         """Whether a person caused the first fault, with an emergency stop."""
         self._events_read: list[dict[str, Any]] = []
+        """Events of the trial, with the texts that the page shows."""
         self._notes: dict[str, str] = {}
         """Latest note of each source, such as the precision of the result so far."""
-        """Events of the trial, with the texts that the page shows."""
         self._latest = 0.0
         self._column: dict[str, int] = {}
         self._trust = Trust([], [], None)
@@ -160,10 +158,6 @@ class TrialFeed(Feed):
             files.pop("report", None)
         return files
 
-    def leave(self) -> None:
-        """Store that the control process has ended, so that the live page can show it."""
-        self._gone = True
-
     def advance(self) -> list[dict[str, Any]]:
         """Send a heartbeat, and read new ticks and events; return the new messages to the page."""
         self._cells.count(PROCESS)
@@ -197,7 +191,7 @@ class TrialFeed(Feed):
             "prompt": self._prompt,
             "armed_by": ("page" if by_page else "terminal") if self._begin else None,
             "armed_at": self._armed_at,
-            "loop": "gone" if self._gone or silent else "running",
+            "loop": "gone" if self.gone or silent else "running",
             "health": self._health.document(time.monotonic()),
             "trust": self._trust.document,
         }

@@ -7,7 +7,8 @@ import sys
 import threading
 import time
 from collections import deque
-from typing import Any, Protocol
+from collections.abc import Iterator
+from typing import Any
 
 from teleop.json_documents import dumps, loads
 
@@ -15,16 +16,6 @@ FAREWELL = 1.0
 """Longest time for which a process continues after the control process has ended [s]."""
 MOST_UNREAD = 1 << 16
 """Largest number of bytes that are read from standard input in one call."""
-
-
-class Receiver(Protocol):
-    """Receives the messages of the control process about its trials."""
-
-    def receive(self, document: dict[str, Any]) -> None:
-        """Process a message of the control process."""
-
-    def leave(self) -> None:
-        """Process the event that the control process has ended."""
 
 
 class ControlPipe:
@@ -59,15 +50,14 @@ class ControlPipe:
             raise EOFError
         return loads(line)
 
-    def receive_into(self, receiver: Receiver) -> None:
-        """Pass arrived messages, and the end of the control process, to `receiver`."""
+    def messages(self) -> Iterator[dict[str, Any]]:
+        """Yield the messages that have arrived. If the control process has ended, set `ended`."""
         while self._lines:
             line = self._lines.popleft()
             if line is None:
                 self.ended = time.monotonic()
-                receiver.leave()
                 return
-            receiver.receive(loads(line))
+            yield loads(line)
 
     def send(self, document: dict[str, Any]) -> None:
         """Send a document, or discard it if the control process does not read or has ended."""

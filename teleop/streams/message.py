@@ -9,13 +9,11 @@ from __future__ import annotations
 import re
 import struct
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:  # the recorder, which uses this module, starts 0.1 s earlier without numpy
-    import numpy as np
-    from numpy.typing import NDArray
+import numpy as np
+from numpy.typing import NDArray
 
-    from estimation.arrays import Floats
+from estimation.arrays import Floats
 
 CDR = b"\0\1\0\0"
 """First bytes of a little-endian message in CDR (Common Data Representation)."""
@@ -36,8 +34,6 @@ def definition_of(columns: Iterable[Sequence[str]]) -> str:
 
 def messages_of(rows: Floats) -> list[bytes]:
     """Convert rows of numbers, shape (ticks, columns), to the messages of the ticks."""
-    import numpy as np
-
     size = len(CDR) + 8 * rows.shape[1]
     data = np.empty((len(rows), size), np.uint8)
     data[:, : len(CDR)] = np.frombuffer(CDR, np.uint8)

@@ -33,9 +33,6 @@ class Reader(ABC):
     def receive(self, document: dict[str, Any]) -> None:  # noqa: B027  most readers get none
         """Process a message of the control process."""
 
-    def leave(self) -> None:  # noqa: B027
-        """Process the end of the control process."""
-
 
 def run_reader(
     name: str,
@@ -60,7 +57,8 @@ def run_reader(
     pipe.send({"problem": ""})
     while not pipe.ended:
         start = time.monotonic()
-        pipe.receive_into(reader)
+        for message in pipe.messages():
+            reader.receive(message)
         reader.advance()
         time.sleep(max(period, (time.monotonic() - start) / 9.0))
     pipe.send(reader.finish())
