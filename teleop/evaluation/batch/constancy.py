@@ -265,15 +265,25 @@ def trend_over_cycles(cycles: Cycles) -> Change | None:
 
 
 def monotone_change(cycles: Cycles) -> tuple[float, float] | None:
-    """Return the first and the last stiffness [N/m] if all steps between have the same sign."""
+    """Return the first and the last stiffness [N/m] if all steps between have the same sign.
+
+    If each cycle is also deeper than the one before, or less deep, the result is None: this can be
+    the cause. In 140 records of bodies that do not change, three had such steps, of together 4.5 %
+    and two errors at most. Softening bodies had 16 % and 30 errors at least.
+    """
     k = cycles.k
-    steps = np.diff(k)
-    monotone = (steps > 0.0).all() or (steps < 0.0).all()
-    first, last = float(k[0]), float(k[-1])
-    least = max(PAIR_CHANGE * min(abs(first), abs(last)), CHANGE_ERRORS * float(cycles.error.max()))
-    if len(k) < FEWEST_COMPARED_CYCLES or not monotone or not abs(last - first) > least:
+    if not is_monotone(k) or is_monotone(cycles.top):
         return None
-    return first, last
+    first, last = float(k[0]), float(k[-1])
+    smaller, error = min(abs(first), abs(last)), float(cycles.error.max())
+    certain = abs(last - first) > max(LEAST_CHANGE * smaller, CHANGE_ERRORS * error)
+    return (first, last) if certain else None
+
+
+def is_monotone(values: Floats) -> bool:
+    """Return whether all values increase, or all decrease."""
+    steps = np.diff(values)
+    return bool((steps > 0.0).all() or (steps < 0.0).all())
 
 
 def linear_change(cycles: Cycles) -> tuple[float, float] | None:

@@ -196,6 +196,18 @@ def test_a_softening_in_presses_of_different_depth_is_a_change():
     assert any("changes over the cycles" in reason for reason in found.reasons)
 
 
+def test_a_softening_by_a_sixth_in_few_presses_is_a_change():
+    depths = 1e-3 * np.array([2.2, 2.4, 2.6, 2.5, 2.6, 2.5])
+    found = presses(depths, lambda d, t: 500.0 * (0.8 + 0.2 * np.exp(-t / 4.0)) * d)
+    assert any("changes over the cycles" in reason for reason in found.reasons)
+
+
+def test_few_presses_that_are_deeper_and_deeper_are_no_change():
+    depths = 1e-3 * np.array([1.8, 2.1, 2.4, 2.7, 3.0])
+    found = presses(depths, lambda d, t: 200.0 * (np.exp(900.0 * d) - 1.0) / 900.0)
+    assert not any("changes over the cycles" in reason for reason in found.reasons)
+
+
 def test_a_stiffness_that_depends_on_the_depth_of_the_presses_is_no_change():
     depths = 1e-3 * np.array([2.2, 2.6, 2.4, 2.3, 2.5, 2.2, 2.6, 2.3, 2.5, 2.4])
     found = presses(depths, lambda d, t: 200.0 * (np.exp(900.0 * d) - 1.0) / 900.0)
