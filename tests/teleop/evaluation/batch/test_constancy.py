@@ -9,7 +9,7 @@ import pytest
 
 from estimation.testing_records import relaxed
 from teleop.evaluation.batch.analysis import analyse
-from teleop.evaluation.batch.constancy import Cycles, isolated_cycles
+from teleop.evaluation.batch.constancy import Cycles, isolated_cycles, monotone_change
 from teleop.evaluation.reading.signals import Signals, periods
 
 
@@ -202,10 +202,13 @@ def test_a_softening_by_a_sixth_in_few_presses_is_a_change():
     assert any("changes over the cycles" in reason for reason in found.reasons)
 
 
-def test_few_presses_that_are_deeper_and_deeper_are_no_change():
-    depths = 1e-3 * np.array([1.8, 2.1, 2.4, 2.7, 3.0])
-    found = presses(depths, lambda d, t: 200.0 * (np.exp(900.0 * d) - 1.0) / 900.0)
-    assert not any("changes over the cycles" in reason for reason in found.reasons)
+def test_few_cycles_that_are_deeper_and_deeper_are_no_change():
+    k, ones = np.array([500.0, 560.0, 620.0, 680.0]), np.ones(4)
+    top = 1e-3 * np.array([1.8, 2.1, 2.4, 2.7])
+    cycles = Cycles(2.0 * np.arange(4), 2.0 * ones, k, ones, ones, 1e-3 * ones, top)
+    assert monotone_change(cycles) is None
+    assert monotone_change(cycles._replace(top=top[::-1])) is None
+    assert monotone_change(cycles._replace(top=np.roll(top, 1))) == (500.0, 680.0)
 
 
 def test_a_stiffness_that_depends_on_the_depth_of_the_presses_is_no_change():
