@@ -270,7 +270,7 @@ def print_loop(console: Console, summary: Mapping[str, Any], details: bool) -> N
         f"{pairs}, {loop['overruns']} overruns, {loop['skipped']} periods skipped"
     )
     steps = summary["realtime"]
-    missing = [f"{name} {why}" for name, why in steps.items() if why != "done"]
+    missing = [f"{name}: {why}" for name, why in steps.items() if why != "done"]
     if missing:
         console.print(f"  real time: {'; '.join(missing)}", style="yellow")
     if details:

@@ -108,6 +108,7 @@ def trial_document(
         "feedback": feedback_document(settings),
         "operator": settings.operator,
         "series": {"position": position, "of": of} if of else None,
+        "station": settings.station.side if settings.station else None,
     }
 
 

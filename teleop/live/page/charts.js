@@ -39,23 +39,38 @@ function levels(values, style, text) {
 }
 
 // Return the charts for the columns in the message `welcome`, and the limits and true values in `trial`. `emphasis`
-// states which estimators are highlighted or hidden.
+// states which estimators are highlighted or hidden. Of two stations, the master measures only the handle, and shows
+// what the hand feels; the slave has no handle.
 export function charts(welcome, trial, emphasis) {
   const limits = (trial && trial.limits) || {};
   const truth = (trial && trial.truth) || {};
   const force = [limits.soft_force, limits.hard_force].filter(Number.isFinite);
   const position = limits.soft_position || [];
   const { k, b, position: length, velocity: speed, force: load } = welcome.quantities;
-  return [
+  const target = trial && trial.target ? [{ ...line("target", "target", "target", 4), marker: "target-marker" }] : [];
+  const handle = line("master_position", "muted", "handle", 1.3, [3, 3]);
+  const tool = { ...line("slave_position", "own", "tool", 2.2), marker: "own-marker" };
+  const positions = {
+    id: "position", title: "position", ...shown(length), share: 1.5, scale: new Scale(0.002 * length.factor),
+    traces: [...target, handle, tool], levels: levels(position, LIMIT, "soft limit"),
+  };
+  const axis = { id: "axis", axis: true, traces: [], levels: [], factor: 1, scale: new Scale(1) };
+  const side = trial && trial.station;
+  if (side === "master") return [
+    { ...positions, traces: [...target, { ...line("master_position", "own", "handle", 2.2), marker: "own-marker" }], levels: [] },
     {
-      id: "position", title: "position", ...shown(length), share: 1.5, scale: new Scale(0.002 * length.factor),
-      traces: [
-        ...(trial && trial.target ? [{ ...line("target", "target", "target", 4), marker: "target-marker" }] : []),
-        line("master_position", "muted", "handle", 1.3, [3, 3]),
-        { ...line("slave_position", "own", "tool", 2.2), marker: "own-marker" },
-      ],
-      levels: levels(position, LIMIT, "soft limit"),
+      id: "felt-force", title: "force on the hand", ...shown(load), share: 1.1, scale: new Scale(2 * load.factor),
+      traces: [line("displayed_force", "force", "force on the hand")], levels: [],
     },
+    {
+      id: "felt-stiffness", title: "stiffness that the hand feels", ...shown(k), share: 1.5, scale: new Scale(100 * k.factor),
+      traces: [line("model_stiffness", "text", "stiffness that the hand feels")],
+      levels: levels([truth.k_surface], TRUTH, "true at the surface"),
+    },
+    axis,
+  ];
+  return [
+    side === "slave" ? { ...positions, traces: [...target, tool] } : positions,
     {
       id: "force", title: "contact force", ...shown(load), share: 1.1, scale: new Scale(2 * load.factor),
       traces: [line("contact_force", "force", "contact force")],
@@ -91,6 +106,6 @@ export function charts(welcome, trial, emphasis) {
       levels: levels([welcome.thresholds.expected], THRESHOLD, "most for estimates"),
       most: 1.2 * welcome.thresholds.expected,
     }]),
-    { id: "axis", axis: true, traces: [], levels: [], factor: 1, scale: new Scale(1) },
+    axis,
   ];
 }

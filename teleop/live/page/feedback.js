@@ -16,7 +16,8 @@ export class Feedback {
     this.quantities = welcome.quantities;
     this.byId("feedback-panel").hidden = !this.feedback;
     if (!this.feedback) return;
-    this.byId("feedback-settings").textContent = describe(this.feedback);
+    const elsewhere = trial.station === "master" ? " · k and b: at the slave station" : "";
+    this.byId("feedback-settings").textContent = describe(this.feedback) + elsewhere;
     this.update();
   }
 

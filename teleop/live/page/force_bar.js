@@ -1,4 +1,5 @@
-// Bar on the operator's page that shows the contact force, the soft limit and the hard limit.
+// Bar on the operator's page that shows the contact force, the soft limit and the hard limit. At the master station of
+// two, it shows the force on the hand.
 
 import { clear, fit } from "./canvas.js";
 import { fixed } from "./format.js";
@@ -10,6 +11,7 @@ export class ForceBar {
     this.context = canvas.getContext("2d", { alpha: false });
     this.store = store;
     this.limits = {};
+    this.column = "contact_force";
     this.drawn = "";
     fit(canvas, () => {
       this.drawn = "";
@@ -20,12 +22,13 @@ export class ForceBar {
 
   build(trial) {
     this.limits = (trial && trial.limits) || {};
+    this.column = trial && trial.station === "master" ? "displayed_force" : "contact_force";
     this.drawn = "";
   }
 
   draw() {
     const { canvas, context, store, limits } = this;
-    const force = store.last("contact_force");
+    const force = store.last(this.column);
     const text = fixed(force, 1);
     if (!canvas.width || text === this.drawn) return;
     this.drawn = text;

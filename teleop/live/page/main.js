@@ -89,6 +89,7 @@ function build() {
   byId("cue-panel").hidden = !strips.preview;
   feedback.build(welcome, trial);
   document.body.classList.toggle("has-pointer", Boolean(welcome.pointer));
+  document.body.classList.toggle("has-no-specimen", Boolean(trial && trial.station === "master"));
 }
 
 connection.on("welcome", (message) => {

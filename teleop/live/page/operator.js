@@ -54,7 +54,7 @@ frames.add((now) => {
   updated = now;
   status.update();
   cue.update(store, preview);
-  byId("force-text").textContent = `${fixed(store.last("contact_force"), 1)} N`;
+  byId("force-text").textContent = `${fixed(store.last(bar.column), 1)} N`;
 });
 startSpeech(byId("spoken"), store, status, () => "");
 publish({ store, connection, status, frames, hand: {}, view: {} });

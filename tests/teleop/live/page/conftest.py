@@ -213,7 +213,7 @@ class TrialFeed(Feed):
         estimators=("rls", "me"),
         further=(),
         values=None,
-        station=False,
+        station="",
         **trial,
     ):
         self.estimators, self.values = estimators, values or {}
@@ -255,6 +255,7 @@ class TrialFeed(Feed):
         }
         self.trial = {
             "type": "trial",
+            "station": station or None,
             "number": 1,
             "condition": "free",
             "specimen": "soft",

@@ -112,9 +112,25 @@ def test_a_station_shows_what_the_other_one_does(trial_feed, serve, open_page):
         "offset_high": 3.0005,
         "lost_datagrams": 12.0,
     }
-    page = open_page(serve(trial_feed(values=values, station=True)).url())
+    page = open_page(serve(trial_feed(values=values, station="slave")).url())
     text = "other station: fault, round trip 41.5 ms, clock ± 0.25 ms, datagrams: 12 lost"
     wait_for(page, "(text) => document.body.innerText.includes(text)", text)
+    assert page.locator(".strip-force").count() == 1
+    assert page.locator(".strip-felt-force").count() == 0
     alone = open_page(serve(trial_feed()).url())
     wait_for(alone, "teleop.rows() > 5")
     assert alone.locator("#station").is_hidden()
+
+
+def test_the_master_station_shows_what_the_hand_feels_and_no_specimen(trial_feed, serve, open_page):
+    values = {"displayed_force": 4.5, "model_stiffness": 2062.0}
+    feed = trial_feed(values=values, station="master")
+    page = open_page(serve(feed).url())
+    for place, text in ((".strip-felt-force", "4.5"), (".strip-felt-stiffness", "2062")):
+        wait_for(page, f"document.querySelector('{place}')?.innerText.includes('{text}')")
+    for place in (".strip-force", ".strip-stiffness"):
+        assert page.locator(place).count() == 0
+    for place in (".trust-panel", ".table-panel", ".tool-panel", ".xy-panel"):
+        assert page.locator(place).is_hidden()
+    operator = open_page(serve(feed).url("operator"))
+    wait_for(operator, "document.getElementById('force-text').innerText === '4.5 N'")
