@@ -47,6 +47,7 @@ def test_the_blocks_of_the_page_run_in_a_notebook(tmp_path, monkeypatch, undeman
     with emulated(rig, tmp_path / "my-rig.toml"):
         for block in BLOCKS:
             code = block.replace("4.0", "1.0").replace("duration=30.0", "duration=5.0")
+            code = code.replace('record="liver.mcap",', 'record="liver.mcap", duration=1.0,')
             for _ in range(3):  # the machine may be taken away from a loop in real time
                 exec(compile(code, str(PAGE), "exec"), notebook)
                 fault = getattr(notebook["trial"], "fault", None)
