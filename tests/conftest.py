@@ -18,6 +18,11 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
+try:
+    import fcntl
+except ImportError:
+    fcntl = None
+
 settings.register_profile("shared machine", deadline=None, max_examples=25)
 settings.load_profile("shared machine")
 
@@ -149,6 +154,14 @@ def analysis_by_record():
     evaluation.analyse = AnalysisByRecord(evaluation.analyse)
 
 
+@pytest.fixture(scope="session")
+def start_command():
+    """Returns `start_command` of forked_command.py, for tests in packages of their own."""
+    from .forked_command import start_command
+
+    return start_command
+
+
 class DocsPage:
     """The blocks of code of a page of the documentation."""
 
@@ -181,10 +194,26 @@ def part_pages():
 
 @pytest.fixture(scope="session")
 def third_party(estimator_page, part_pages, tmp_path_factory):
-    """A folder into which pip has installed a new driver, and the packages of the pages."""
+    """A folder into which pip has installed a new driver, and the packages of the pages.
+
+    All workers of pytest-xdist use the folder that the first one of them has made.
+    """
+    folder = tmp_path_factory.getbasetemp()
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        folder = folder.parent
+    with (folder / "third-party.lock").open("w") as lock:
+        if fcntl:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+        if fcntl and (folder / "third-party").exists():
+            return folder / "third-party"
+        installed = install_packages(estimator_page, part_pages, tmp_path_factory.mktemp("made"))
+        return installed.rename(folder / "third-party") if fcntl else installed
+
+
+def install_packages(estimator_page, part_pages, folder):
+    """Write the packages, and return a folder into which pip has installed them."""
     from teleop.rig.new_driver import write_driver
 
-    folder = tmp_path_factory.mktemp("third-party")
     write_driver("acme", "serial", "none", folder / "device")
     packages = {
         part: {f"acme_{part}.py": page.python[0], "pyproject.toml": page.toml[0]}

@@ -14,6 +14,8 @@ import pytest
 
 from teleop.rig_session import RunningTrial
 
+from .forked_command import start_command
+
 pytestmark = [
     pytest.mark.real_time,
     pytest.mark.skipif(sys.platform == "win32", reason="there are no pseudo-terminals"),
@@ -25,12 +27,8 @@ BLOCKS = re.findall(r"```(?:python|\{run-python\})\n(.*?)```", PAGE.read_text("u
 @contextlib.contextmanager
 def emulated(rig, out):
     """Emulate the devices of a rig file in another process."""
-    command = [sys.executable, "-m", "teleop", "rig", "emulate", str(rig), "--json"]
-    process = subprocess.Popen(
-        [*command, "--condition", "autonomous", "--out", str(out)],
-        stdout=subprocess.PIPE,
-        text=True,
-    )
+    command = ("rig", "emulate", rig, "--json", "--condition", "autonomous", "--out", out)
+    process = start_command(*command, stdout=subprocess.PIPE)
     try:
         for line in process.stdout:
             if line.rstrip() == "}":
@@ -49,6 +47,7 @@ def test_the_blocks_of_the_page_run_in_a_notebook(tmp_path, monkeypatch, undeman
     with emulated(rig, tmp_path / "my-rig.toml"):
         for block in BLOCKS:
             code = block.replace("4.0", "1.0").replace("duration=30.0", "duration=5.0")
+            code = code.replace('record="liver.mcap",', 'record="liver.mcap", duration=1.0,')
             for _ in range(3):  # the machine may be taken away from a loop in real time
                 exec(compile(code, str(PAGE), "exec"), notebook)
                 fault = getattr(notebook["trial"], "fault", None)

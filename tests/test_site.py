@@ -20,6 +20,7 @@ from cyclopts import App
 from teleop.cli import app, main
 
 from .busy_machine import REPEATS, busy_cause
+from .forked_command import ForkedCommand, start_command
 
 ROOT = Path(__file__).parents[1]
 PAGES = sorted((ROOT / "docs").glob("*.md"))
@@ -210,8 +211,13 @@ def emulator_commands() -> list[str]:
 
 @pytest.mark.real_time
 def test_the_first_hour_with_a_board_works(tmp_path, undemanding_rig, monkeypatch, capsys):
-    """Rate and time limits are those of `undemanding`; `test_agreement.py` tests the file's own."""
+    """Rate and time limits are those of `undemanding`; `test_agreement.py` tests the file's own.
+
+    The count-in and the strokes of the check are shorter than usual.
+    """
     pytest.importorskip("pty", reason="there are no pseudo-terminals on this system")
+    monkeypatch.setattr("teleop.rig.drive_check.STROKE_TIMES", (0.4,) * 4)
+    monkeypatch.setattr("teleop.settings.ranges.COUNT_IN", 0.5)
     (tmp_path / "rigs").mkdir()
     undemanding_rig("serial-board", tmp_path / "rigs" / "serial-board.toml")
     monkeypatch.chdir(tmp_path)
@@ -222,9 +228,7 @@ def test_the_first_hour_with_a_board_works(tmp_path, undemanding_rig, monkeypatc
             assert program == "teleop"
             if "emulate" in command:
                 end(emulator)
-                emulator = subprocess.Popen(
-                    [sys.executable, "-m", "teleop", *command], stdout=subprocess.PIPE, text=True
-                )
+                emulator = start_command(*command, stdout=subprocess.PIPE)
                 assert "emulated" in emulator.stdout.readline()
                 has_moved = False
             else:
@@ -237,7 +241,7 @@ def test_the_first_hour_with_a_board_works(tmp_path, undemanding_rig, monkeypatc
         end(emulator)
 
 
-def end(emulator: subprocess.Popen[str] | None) -> None:
+def end(emulator: ForkedCommand | subprocess.Popen[str] | None) -> None:
     """Stop an emulator, if there is one."""
     if emulator:
         emulator.terminate()
@@ -248,7 +252,7 @@ def end(emulator: subprocess.Popen[str] | None) -> None:
 def works(command: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     """Run a command of real time, briefly; again if the machine was too slow for the rig."""
     if "run" in command:
-        command = [*command, "--duration", "5" if "mimic" in command else "1", "--yes"]
+        command = [*command, "--duration", "2.5" if "mimic" in command else "0.5", "--yes"]
     elif "check" in command:
         command = [word for word in command if word not in ("--duration", "5s")]
         command += ["--seconds", "0.3", "--duration", "0.3"]

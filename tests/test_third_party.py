@@ -12,17 +12,17 @@ import os
 import signal
 import subprocess
 import sys
+import tomllib
 
 import pytest
 
 from teleop.cli import main
 
-pytestmark = [
-    pytest.mark.skipif(
-        sys.platform == "win32", reason="there are no pseudo-terminals on this system"
-    ),
-    pytest.mark.real_time,
-]
+from .forked_command import start_command
+
+pytestmark = pytest.mark.skipif(
+    sys.platform == "win32", reason="there are no pseudo-terminals on this system"
+)
 ATTEMPTS = 4
 """A command in real time is repeated where the machine was taken away meanwhile."""
 
@@ -33,12 +33,11 @@ def emulated(third_party, rig, folder):
     path = [str(third_party), os.environ.get("PYTHONPATH", "")]
     out = folder / "run.toml"
     options = ["--condition", "autonomous", "--out", out, "--json"]
-    process = subprocess.Popen(
-        [sys.executable, "-m", "teleop", "rig", "emulate", rig, *options],
+    process = start_command(
+        *("rig", "emulate", rig, *options),
         env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, path))},
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
-        text=True,
     )
     try:
         document = ""
@@ -66,7 +65,8 @@ def on_the_rig(*arguments):
     return json.loads(out.getvalue())
 
 
-RUN = "--specimen soft --depth 10mm --yes --condition autonomous --duration 1 --estimators rls,nlms"
+TRIAL = "--condition autonomous --duration 1 --estimators rls,nlms"
+RUN = f"--specimen soft --depth 10mm --yes {TRIAL}"
 
 
 @pytest.fixture(scope="module")
@@ -96,6 +96,16 @@ def recorded(printed):
     return found["run"], path
 
 
+@pytest.fixture(scope="module")
+def simulated(installed, third_party, tmp_path_factory):
+    """A recording of a simulated trial with the estimator."""
+    path = tmp_path_factory.mktemp("simulated") / "trial.mcap"
+    trial = ["--clock", "virtual", "--rate", "250", *TRIAL.split(), "--record", str(path)]
+    with installed(third_party):
+        assert main(["run", *trial]) == 0
+    return path
+
+
 @pytest.fixture
 def command(installed, third_party, capsys):
     """Runs a command in this process, which finds the packages, and gives what it prints."""
@@ -113,6 +123,7 @@ def test_the_ports_are_listed(command):
     assert isinstance(command("rig", "list", "--json")["ports"], list)
 
 
+@pytest.mark.real_time
 def test_the_check_shows_the_sensors_channel(printed):
     report = printed[0]["check"]
     channels = {channel["name"]: channel for channel in report["channels"]}
@@ -120,17 +131,22 @@ def test_the_check_shows_the_sensors_channel(printed):
     assert all(drive["watchdog_s"] > 0.0 for drive in report["drives"])
 
 
+@pytest.mark.real_time
 def test_its_zero_is_found(printed):
     assert abs(printed[0]["tare"]["contact_force"]) < 0.1
 
 
-def test_a_trial_estimates_from_the_sensors_force(recorded):
+@pytest.mark.real_time
+def test_a_trial_estimates_from_the_sensors_force(recorded, third_party_rig):
     summary, path = recorded
     assert list(summary["estimates"]) == ["rls", "nlms"]
+    name = tomllib.loads(third_party_rig.read_text())["name"]
+    assert (summary["rig"], summary["truth"]) == (name, None)
     assert summary["estimates"]["nlms"]["k"] > 100.0
     assert path.is_file()
 
 
+@pytest.mark.real_time
 def test_the_recording_is_estimated_again(command, recorded):
     summary = command("estimate", recorded[1], "--json")
     assert summary["as_online"], (summary["missing_ticks"], summary["missing_estimates"])
@@ -140,6 +156,7 @@ def test_the_recording_is_estimated_again(command, recorded):
     assert list(other["estimates"]) == ["nlms", "kalman"]
 
 
+@pytest.mark.real_time
 def test_without_the_packages_the_recording_loads_and_the_missing_estimator_is_named(
     recorded, capsys
 ):
@@ -150,25 +167,26 @@ def test_without_the_packages_the_recording_loads_and_the_missing_estimator_is_n
     assert main(["estimate", str(recorded[1]), "--estimators", "rls"]) == 0
 
 
-def test_the_report_shows_the_estimator(command, recorded, tmp_path):
-    command("report", recorded[1], "--out", tmp_path / "report.html")
+def test_the_report_shows_the_estimator(command, simulated, tmp_path):
+    command("report", simulated, "--out", tmp_path / "report.html")
     assert "nlms" in (tmp_path / "report.html").read_text()
 
 
 @pytest.mark.parametrize("ending", [".csv", ".mat", ".h5", ".parquet"])
-def test_the_recording_is_exported_with_the_estimates(command, recorded, tmp_path, ending):
-    document = command("export", recorded[1], "--out", tmp_path / f"run{ending}", "--json")
+def test_the_recording_is_exported_with_the_estimates(command, simulated, tmp_path, ending):
+    document = command("export", simulated, "--out", tmp_path / f"run{ending}", "--json")
     assert {"contact_force", "nlms_k", "nlms_k_std"} <= set(document["columns"])
 
 
-def test_an_exported_file_is_estimated_and_gives_the_lag(command, recorded, tmp_path):
+def test_an_exported_file_is_estimated_and_gives_the_lag(command, simulated, tmp_path):
     path = tmp_path / "run.csv"
-    command("export", recorded[1], "--out", path)
+    command("export", simulated, "--out", path)
     estimated = command("estimate", path, "--estimators", "nlms", "--json")
     assert list(estimated["estimates"]) == ["nlms"]
     assert abs(command("lag", path, "--json")["lag_s"]) < 0.1
 
 
+@pytest.mark.real_time
 def test_a_recording_that_was_cut_off_is_recovered(command, recorded, tmp_path):
     cut = tmp_path / "cut.mcap"
     content = recorded[1].read_bytes()

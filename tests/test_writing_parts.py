@@ -19,7 +19,7 @@ OPTIONS = {
     "rig": ["--rig", "acme.spring", "--specimen", "spring", "--depth", "8mm"],
 }
 NAMES = {"condition": "acme.guarded", "signal": "acme.tones", "link": "acme.variable"}
-RUN = ["run", "--clock", "virtual", "--duration", "2", "--estimators", "rls"]
+RUN = ["run", "--clock", "virtual", "--duration", "2", "--rate", "500", "--estimators", "rls"]
 
 
 def printed(capsys, *command):

@@ -14,6 +14,8 @@ import pytest
 from teleop.cli import app, main
 from telepalpation import __version__
 
+from ..forked_command import run_command, start_command
+
 RUN = ["run", "--clock", "virtual", "--duration", "0.5", "--no-record"]
 SLOW = ("--rate", "100")
 """A low rate of a loop in real time, so that a busy machine can run it."""
@@ -322,12 +324,7 @@ class Terminal:
     def __init__(self, *arguments: str) -> None:
         pty = pytest.importorskip("pty", reason="needs a pseudo-terminal")
         self.leader, follower = pty.openpty()
-        self.process = subprocess.Popen(
-            [sys.executable, "-m", "teleop", *arguments],
-            stdout=subprocess.PIPE,
-            stderr=follower,
-            text=True,
-        )
+        self.process = start_command(*arguments, stdout=subprocess.PIPE, stderr=follower)
         os.close(follower)
         self.text = b""
 
@@ -452,28 +449,29 @@ def test_closed_streams_cause_no_traceback():
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
 def test_a_full_disk_for_standard_output_is_reported():
-    command = (
-        f"{sys.executable} -m teleop run --clock virtual --duration 0.1 --no-record > /dev/full"
-    )
-    done = subprocess.run(["sh", "-c", command], capture_output=True, text=True)
+    command = ("run", "--clock", "virtual", "--duration", "0.1", "--no-record")
+    with Path("/dev/full").open("w") as full:
+        done = run_command(*command, stdout=full)
     assert done.returncode == 2
     assert done.stderr == "teleop: standard output: no space left on device\n"
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
 @pytest.mark.parametrize(
-    ("json", "output", "reason"),
-    [("--json", "> /dev/full", "no space left on device"), ("", "| true", "broken pipe")],
+    ("options", "output", "reason"),
+    [(["--json"], "/dev/full", "no space left on device"), ([], "", "broken pipe")],
 )
-def test_a_safety_stop_is_reported_also_without_standard_output(json, output, reason):
+def test_a_safety_stop_is_reported_also_without_standard_output(options, output, reason):
     # the limits of such a small depth are below the noise of the force sensor
-    run = f"{sys.executable} -m teleop run --clock virtual --depth 1e-3um --no-record {json}"
-    command = f"{{ {run}; echo $? >&2; }} {output}"
-    done = subprocess.run(["sh", "-c", command], capture_output=True, text=True)
-    lost, stopped, code = done.stderr.splitlines()
+    command = ("run", "--clock", "virtual", "--depth", "1e-3um", "--no-record", *options)
+    read, write = os.pipe()
+    os.close(read)
+    with Path(output).open("w") if output else os.fdopen(write, "w") as lost_output:
+        done = run_command(*command, stdout=lost_output)
+    lost, stopped = done.stderr.splitlines()
     assert lost == f"teleop: standard output: {reason}"
     assert stopped.startswith("teleop: stopped before the drives were armed: force limit: ")
-    assert code == "3"
+    assert done.returncode == 3
 
 
 @pytest.mark.parametrize("columns", ["0", "1", "10", "79", "x", "-5"])

@@ -113,7 +113,7 @@ if __name__ == "__main__":
     if "--ignore" in sys.argv:  # as in the background of a shell
         signal.signal(signal.SIGINT, signal.SIG_IGN)
     trial = teleop.Rig().start(
-        "autonomous", record="a.mcap", duration=60.0, rate=250.0, estimators=("rls",),
+        "autonomous", record="a.mcap", duration=60.0, rate=100.0, estimators=("rls",),
         realtime="off",
     )
     while not len(trial.samples(0.2)["time"]):
@@ -125,17 +125,27 @@ if __name__ == "__main__":
 """A script that starts a trial, and ends or is killed while the trial runs."""
 
 
-def started(folder, *options):
-    """Start the script; return its process, when the trial runs."""
-    (folder / "script.py").write_text(SCRIPT)
-    command = [sys.executable, "script.py", *options]
-    return subprocess.Popen(command, cwd=folder, stdout=subprocess.PIPE, text=True)
+@pytest.fixture(scope="module")
+def scripts(tmp_path_factory):
+    """Two scripts that run, by their option, with their folders."""
+    running = {}
+    for option in ("--stay", "--ignore"):
+        folder = tmp_path_factory.mktemp("script")
+        (folder / "script.py").write_text(SCRIPT)
+        command = [sys.executable, "script.py", option]
+        process = subprocess.Popen(command, cwd=folder, stdout=subprocess.PIPE, text=True)
+        running[option] = process, folder
+    yield running
+    for process, _ in running.values():
+        process.kill()
+        process.stdout.close()
+        process.wait()
 
 
 @pytest.mark.real_time
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="kills a process by a signal")
-def test_the_drives_stop_if_the_kernel_is_killed(tmp_path):
-    kernel = started(tmp_path, "--stay")
+def test_the_drives_stop_if_the_kernel_is_killed(scripts):
+    kernel, folder = scripts["--stay"]
     child = int(kernel.stdout.readline())
     kernel.kill()
     kernel.communicate()
@@ -145,12 +155,20 @@ def test_the_drives_stop_if_the_kernel_is_killed(tmp_path):
             os.kill(child, 0)
         except ProcessLookupError:
             break
-        time.sleep(0.1)
+        time.sleep(0.02)
     else:
         pytest.fail("the process of the trial runs on")
-    recording = teleop.load(tmp_path / "a.mcap")
+    recording = teleop.load(folder / "a.mcap")
     assert recording["time"][-1] < 50.0
     assert abs(recording["slave_velocity"][-1]) < 2e-3
+
+
+@pytest.mark.real_time
+def test_the_drives_stop_at_the_end_of_a_script_that_ignores_interrupts(scripts):
+    script, folder = scripts["--ignore"]
+    script.communicate(timeout=40.0)
+    assert script.returncode == 0
+    assert teleop.load(folder / "a.mcap")["time"][-1] < 30.0
 
 
 def test_an_error_in_the_process_of_the_trial_is_raised_by_wait(tmp_path, monkeypatch):
@@ -196,11 +214,3 @@ def test_a_method_in_place_of_an_attribute_is_refused():
 
     with pytest.raises(teleop.InputError, match="finished is a method"):
         teleop.Rig().run(Ends(), clock="virtual", duration=0.2)
-
-
-@pytest.mark.real_time
-def test_the_drives_stop_at_the_end_of_a_script_that_ignores_interrupts(tmp_path):
-    script = started(tmp_path, "--ignore")
-    script.communicate(timeout=40.0)
-    assert script.returncode == 0
-    assert teleop.load(tmp_path / "a.mcap")["time"][-1] < 30.0

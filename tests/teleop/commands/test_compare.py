@@ -9,7 +9,6 @@ import pickle
 import re
 import shutil
 import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -31,6 +30,8 @@ from teleop.output.comparison_tables import (
     published_table,
 )
 from teleop.software import software
+
+from ...forked_command import start_command
 
 PLAN = """
 name = "short"
@@ -500,9 +501,8 @@ def summarised(k, b, e_f):
 def test_table_and_figure_are_written_even_if_the_reader_of_the_output_ends(series, tmp_path):
     files = [tmp_path / "table.tex", tmp_path / "figure.svg"]
     recording = min((series / "recordings").iterdir())
-    command = [sys.executable, "-m", "teleop", "compare", str(recording)]
-    command += ["--out", str(files[0]), "--plot", str(files[1])]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
+    command = ("compare", recording, "--out", files[0], "--plot", files[1])
+    process = start_command(*command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
     process.stdout.close()
     process.wait(timeout=120)
     assert all(path.stat().st_size > 0 for path in files)

@@ -14,6 +14,8 @@ from teleop.cli import main
 from teleop.commands import live_options
 from teleop.recording.recording import load
 
+from ...forked_command import start_command
+
 RIG = Path(__file__).parents[3] / "rigs" / "serial-board.toml"
 WIRED = ("--rig", RIG, "--specimen", "a", "--depth", "3mm", "--yes")
 
@@ -105,9 +107,7 @@ def test_a_recording_with_an_invalid_rate_in_its_settings_is_shown(recording, mo
 
 @pytest.mark.skipif(not hasattr(signal, "SIGINT") or sys.platform == "win32", reason="needs POSIX")
 def test_a_replay_is_served_until_a_signal(recording):
-    with subprocess.Popen(
-        [sys.executable, "-m", "teleop", "live", str(recording)], stderr=subprocess.PIPE, text=True
-    ) as process:
+    with start_command("live", recording, stderr=subprocess.PIPE) as process:
         assert "live page: http://127.0.0.1:" in process.stderr.readline()
         process.send_signal(signal.SIGTERM)
         assert process.communicate(timeout=20)[1] == ""

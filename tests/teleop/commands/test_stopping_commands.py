@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import select
 import signal
 import subprocess
-import sys
-import time
 from pathlib import Path
 
 import pytest
@@ -17,6 +16,8 @@ from teleop.recording import new_recording
 from teleop.safety import Request
 from teleop.studies.json_lines import locked
 from teleop.studies.series.journal import Journal
+
+from ...forked_command import start_command
 
 ROOT = Path(__file__).parents[3]
 
@@ -31,28 +32,15 @@ def folder(tmp_path, monkeypatch):
 RUN = ("run", "--no-record", "--specimen", "a", "--depth", "3mm", "--yes", "--rig")
 
 
-class Started(subprocess.Popen):
-    """A command, which is killed if it still runs at the end of its `with` block."""
-
-    def __exit__(self, *error):
-        self.kill()
-        super().__exit__(*error)
-
-
-def start(*arguments):
-    return Started(
-        [sys.executable, "-m", "teleop", *map(str, arguments)],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-
-
-def has_worked(pid):
-    """Whether a process used its processor within the next half second."""
-    times = [Path(f"/proc/{pid}/stat").read_text().split()[13:15]]
-    time.sleep(0.5)
-    return Path(f"/proc/{pid}/stat").read_text().split()[13:15] not in times
+@contextlib.contextmanager
+def started(*arguments):
+    """Start a command, which is killed if it still runs at the end of the block."""
+    command = start_command(*arguments, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    with command:
+        try:
+            yield command
+        finally:
+            command.kill()
 
 
 @pytest.mark.parametrize("arguments", [("rig", "check"), RUN])
@@ -66,7 +54,7 @@ def test_ctrl_c_while_a_silent_rig_opens_ends_with_130(tmp_path, undemanding_rig
     tty.setraw(follower)
     rig = undemanding_rig("serial-board", tmp_path / "silent.toml")
     rig.write_text(rig.read_text().replace("/dev/ttyACM0", os.ttyname(follower)))
-    with start(*arguments, rig) as process:
+    with started(*arguments, rig) as process:
         while not select.select([leader], [], [], 0.1)[0]:  # a request that nothing answers
             assert process.poll() is None, process.communicate()
         process.send_signal(signal.SIGINT)
@@ -106,8 +94,8 @@ def test_recordings_that_are_started_in_the_same_second_get_different_names(monk
 
 def test_runs_that_are_started_at_the_same_time_are_all_recorded(tmp_path):
     arguments = ("run", "--clock", "virtual", "--duration", "0.1", "--json")
-    for process in [start(*arguments) for _ in range(2)]:
-        with process:
+    with started(*arguments) as first, started(*arguments) as second:
+        for process in (first, second):
             _, err = process.communicate()
             assert (process.returncode, err) == (0, "")
     assert len(list(tmp_path.glob("recordings/*/*-free-soft*.mcap"))) == 2
@@ -140,25 +128,24 @@ PROMPTS = {
 
 @pytest.mark.real_time
 def test_a_closed_terminal_ends_a_command_wherever_it_waits(tmp_path):
-    pty = pytest.importorskip("pty", reason="needs a pseudo-terminal")
+    pytest.importorskip("pty", reason="needs a pseudo-terminal")
     (tmp_path / "plan.toml").write_text(PLAN)
-    started = {}
+    running = {}
     for name, (arguments, _) in PROMPTS.items():
-        pid, terminal = pty.fork()
-        if pid == 0:
-            os.execv(sys.executable, [sys.executable, "-m", "teleop", *arguments])
-        started[name] = pid, terminal
-    for name, (_, terminal) in started.items():
+        terminal, follower = os.openpty()
+        running[name] = start_command(*arguments, terminal=follower), terminal
+        os.close(follower)
+    for name, (_, terminal) in running.items():
         text = b""
         while PROMPTS[name][1] not in text:
             text += os.read(terminal, 4096)
             if name == "trial" and b"q quits." in text:
                 os.write(terminal, b"\n")
                 text = b""
-    for _, terminal in started.values():
+    for _, terminal in running.values():
         os.close(terminal)
-    codes = {name: os.waitpid(pid, 0)[1] for name, (pid, _) in started.items()}
-    assert {os.waitstatus_to_exitcode(status) for status in codes.values()} == {130}, codes
+    codes = {name: command.wait() for name, (command, _) in running.items()}
+    assert {*codes.values()} == {130}, codes
     for folder in ("asked", "run", "alone"):
         with locked(tmp_path / folder):
             entries = [entry["entry"] for entry in Journal(tmp_path / folder).entries]

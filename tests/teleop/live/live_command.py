@@ -7,7 +7,6 @@ import contextlib
 import os
 import re
 import subprocess
-import sys
 import tempfile
 import time
 from pathlib import Path
@@ -16,9 +15,10 @@ from typing import NamedTuple
 import pytest
 
 from ...busy_machine import REPEATS, busy_cause
+from ...forked_command import start_command
 from .live_client import page
 
-AT_ONCE = 3
+AT_ONCE = 4
 """Number of commands that run at the same time. Most of them wait most of the time."""
 PAUSE = 0.2
 """Shortest time without data from the server that is a pause [s]. It sends 60 frames per second."""
@@ -33,8 +33,9 @@ class Command:
         self.folder, self.arguments = folder, arguments
         self._output, self._error = (tempfile.TemporaryFile() for _ in range(2))  # noqa: SIM115
         rate = RATE if "run" in arguments and "--rate" not in arguments else ()
-        self.process = subprocess.Popen(
-            [sys.executable, "-m", "teleop", *arguments, *rate],
+        self.process = start_command(
+            *arguments,
+            *rate,
             stdin=subprocess.DEVNULL,
             stdout=self._output,
             stderr=self._error,

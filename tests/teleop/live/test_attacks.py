@@ -277,7 +277,9 @@ def test_a_client_that_does_not_read_is_aborted_and_others_are_still_served(feed
     run(scenario())
 
 
-def test_half_open_connections_are_closed_and_do_not_keep_others_out(feed):
+def test_half_open_connections_are_closed_and_do_not_keep_others_out(feed, monkeypatch):
+    monkeypatch.setattr("teleop.live.server.GREETING", 1.0)
+
     async def scenario():
         async with served(feed, PAGES) as (server, address):
             host, port = address.split(":")
@@ -445,7 +447,9 @@ def test_only_times_that_were_sent_to_the_page_count_as_confirmed_data(feed, lat
     run(scenario())
 
 
-def test_a_client_that_leaves_or_stops_beating_loses_control(feed):
+def test_a_client_that_leaves_or_stops_beating_loses_control(feed, monkeypatch):
+    monkeypatch.setattr("teleop.live.clients.ALIVE", 0.5)
+
     async def scenario():
         async with served(feed) as (_, address), page(address) as watching:
             async with page(address) as first:

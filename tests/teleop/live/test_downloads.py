@@ -67,8 +67,11 @@ def replaced(monkeypatch, result):
     monkeypatch.setattr(module, "made", made)
 
 
-def test_a_recording_arrives_complete_also_if_the_client_reads_late(offered, recording):
-    head, body = get(offered, offered[1]["recording"], pause=3.0)
+def test_a_recording_arrives_complete_also_if_the_client_reads_late(
+    offered, recording, monkeypatch
+):
+    monkeypatch.setattr("teleop.live.server.GREETING", 0.3)
+    head, body = get(offered, offered[1]["recording"], pause=1.0)
     assert head.startswith("HTTP/1.1 200")
     assert "attachment; filename*=UTF-8''gr%C3%B6%C3%9Fe.mcap" in head
     assert body == recording.read_bytes()

@@ -150,22 +150,6 @@ async def test_of_two_choices_in_quick_succession_the_later_one_counts(command):
     assert (await command.end(signal.SIGTERM))[0] == 130
 
 
-@command_case("run", "--live", "--duration", "20", *ONE)
-async def test_a_page_that_closes_stops_the_trial_that_it_armed(command):
-    async with command.page() as watching:
-        async with controlled(command) as client:
-            await arm(client)
-        await watching.until(watching.is_in("fault"))
-        text = "the page has confirmed no data of the last 1 s"
-        assert text in watching.latest["state"]["text"]
-    assert (await command.end())[0] == 3
-    recording = load(command.folder / "one.mcap")
-    assert recording.fault["fault"] == "live page lost"
-    speeds = recording["commanded_slave_velocity"]
-    fault = np.flatnonzero(recording["mode"] == 5)[0]
-    assert abs(speeds[fault + 80]) == 0.0
-
-
 @command_case(
     *("run", "--live", "--operator", "pointer", "--duration", "20", *ONE),
 )
@@ -211,7 +195,9 @@ async def test_a_connection_that_is_slow_cannot_arm_and_one_that_becomes_slow_st
     fault = recording["time"][np.flatnonzero(recording["mode"] == 5)[0]]
     assert len(held) > 10
     assert held[-1] < fault - 0.3
-    assert not recording["pointer_grip"][recording["mode"] == 5].any()
+    stopped = np.flatnonzero(recording["mode"] == 5)
+    assert not recording["pointer_grip"][stopped].any()
+    assert recording["commanded_slave_velocity"][stopped[0] + 80] == 0.0
 
 
 @command_case("run", "--live", "--duration", "2", *ONE)
@@ -404,11 +390,6 @@ async def test_a_signal_ends_a_series_and_its_live_process_at_the_first_question
 @command_case(*SERIES, "two", plan=LONG)
 async def test_a_signal_ends_a_series_and_its_live_process_before_start(command):
     await signal_series(command, "before START", signal.SIGINT)
-
-
-@command_case(*SERIES, "two", plan=LONG)
-async def test_a_signal_ends_a_series_and_its_live_process_in_a_trial(command):
-    await signal_series(command, "trial", signal.SIGTERM)
 
 
 @command_case(*SERIES, "two", plan=LONG)

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import subprocess
-import sys
 from contextlib import suppress
 
 import pytest
@@ -13,8 +11,10 @@ import pytest
 from teleop.live.terminal import Terminal
 from teleop.recording.recording import load
 
+from ...forked_command import run_command
+
 termios = pytest.importorskip("termios")
-RUN = [sys.executable, "-m", "teleop", "run", "--clock", "virtual", "--duration", "2", "--json"]
+RUN = ("run", "--clock", "virtual", "--duration", "2", "--json")
 
 
 @pytest.fixture
@@ -47,13 +47,7 @@ def fill(end):
 def test_a_terminal_that_accepts_no_output_loses_no_tick(tmp_path, terminal, block):
     path = tmp_path / "a.mcap"
     block(terminal[1])
-    run = subprocess.run(
-        [*RUN, "--record", path],
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.PIPE,
-        stderr=terminal[1],
-        timeout=60.0,
-    )
+    run = run_command(*RUN, "--record", path, stderr=terminal[1])
     summary = json.loads(run.stdout)
     assert run.returncode == 0
     assert summary["recording"]["problem"] is None

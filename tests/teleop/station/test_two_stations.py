@@ -60,13 +60,13 @@ def moves(pair: TwoStations, ticks: int) -> bool:
 
 @pytest.mark.parametrize(
     "faults",
-    [Faults(), Faults(0.02, 0.02, 0.05, doubled=0.1), Faults(0.5)],
-    ids=["direct", "bad", "far"],
+    [Faults(0.02, 0.02, 0.05, doubled=0.1), Faults(0.5)],
+    ids=["bad", "far"],
 )
 def test_the_hand_feels_the_same_model_as_over_the_simulated_channel(faults):
-    settings = replace(SETTINGS, duration=4.0 + 4.0 * faults.delay)
+    settings = replace(SETTINGS, duration=4.0 + 4.0 * faults.delay, rate=500.0)
     pair = TwoStations(settings, faults)
-    pair.run(20_000)
+    pair.run(10_000)
     assert pair.master.faults == pair.slave.faults == []
     channel = ChannelSettings(faults.delay, faults.jitter, faults.loss)
     same = run_trial(replace(settings, channel=channel)).recording

@@ -23,6 +23,8 @@ from teleop.settings.trial_settings import TrialSettings
 from teleop.trial.arming import arming_text, is_armed
 from teleop.trial.run import run_trial
 
+from ...forked_command import start_command
+
 BOARD = Path(__file__).parents[3] / "rigs" / "serial-board.toml"
 STATED = ("--specimen", "liver", "--depth", "3mm")
 
@@ -199,12 +201,10 @@ def test_a_rig_file_may_have_a_rate_above_1_khz(tmp_path, capsys):
     ],
 )
 def test_the_answer_in_a_terminal_decides_whether_the_rig_is_opened(keys, code, shown, tmp_path):
-    pty = pytest.importorskip("pty", reason="needs a pseudo-terminal")
-    pid, terminal = pty.fork()
-    if pid == 0:
-        os.chdir(tmp_path)
-        command = [sys.executable, "-m", "teleop", "run", "--rig", str(BOARD), *STATED]
-        os.execv(sys.executable, command)
+    pytest.importorskip("pty", reason="needs a pseudo-terminal")
+    terminal, follower = os.openpty()
+    command = start_command("run", "--rig", BOARD, *STATED, terminal=follower, cwd=tmp_path)
+    os.close(follower)
     text, answered = b"", False
     with contextlib.suppress(OSError):
         while chunk := os.read(terminal, 4096):
@@ -213,7 +213,7 @@ def test_the_answer_in_a_terminal_decides_whether_the_rig_is_opened(keys, code, 
                 answered = True
                 os.write(terminal, keys)
     os.close(terminal)
-    assert os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]) == code
+    assert command.wait() == code
     assert shown in text
     assert (b"cannot be opened" in text) == (code == 2)
     assert not [*tmp_path.rglob("*.mcap")]

@@ -18,6 +18,7 @@ import pytest
 from teleop.recording.recording import load
 
 from ...busy_machine import REPEATS, busy_cause
+from ...forked_command import start_command
 
 ROOT = Path(__file__).parents[3]
 termios = pytest.importorskip("termios", reason="needs a POSIX terminal")
@@ -112,12 +113,9 @@ class Run:
     """A run in a new terminal with keyboard input."""
 
     def __init__(self, folder: Path, *arguments: str) -> None:
-        pty = pytest.importorskip("pty", reason="needs a pseudo-terminal")
-        pid, self.terminal = pty.fork()
-        if pid == 0:
-            os.chdir(folder)
-            os.execv(sys.executable, [sys.executable, "-m", "teleop", "run", *SLOW, *arguments])
-        self.pid = pid
+        self.terminal, follower = os.openpty()
+        self.command = start_command("run", *SLOW, *arguments, terminal=follower, cwd=folder)
+        os.close(follower)
         self.text = b""
 
     def moves(self) -> bool:
@@ -149,7 +147,8 @@ class Run:
         while self.read():
             pass
         assert self.is_cooked()
-        return os.waitstatus_to_exitcode(os.waitpid(self.pid, 0)[1])
+        os.close(self.terminal)
+        return self.command.wait()
 
 
 def moving_run(folder: Path, *arguments: str) -> Run:
@@ -191,6 +190,6 @@ def test_ctrl_c_ramps_down_and_keeps_the_recording(tmp_path):
 @pytest.mark.real_time
 def test_a_closed_terminal_ends_the_run_with_a_ramp(tmp_path):
     run = moving_run(tmp_path)
-    os.kill(run.pid, signal.SIGHUP)
+    run.command.send_signal(signal.SIGHUP)
     assert run.end() == 130, run.text
     assert load(tmp_path / "a.mcap").events[-1]["text"] == "at standstill"

@@ -30,7 +30,8 @@ def test_without_memory_the_page_is_refused(monkeypatch):
 @pytest.mark.real_time
 @pytest.mark.skipif(os.name != "posix", reason="the live page needs POSIX")
 def test_a_live_process_that_hangs_is_not_running(monkeypatch):
-    monkeypatch.setattr(live_link, "WAITING_SILENCE", 1.0)
+    monkeypatch.setattr(live_link, "WAITING_SILENCE", 0.5)
+    monkeypatch.setattr("teleop.streams.child_process.END_TIME", 0.1)
     link = LiveLink("127.0.0.1", 0, True, False, NO_CHOICES)
     try:
         assert link.is_running

@@ -10,7 +10,6 @@ import queue
 import re
 import select
 import signal
-import subprocess
 import sys
 import time
 from pathlib import Path
@@ -19,6 +18,8 @@ import pytest
 
 from teleop.recording.recording import load
 from teleop.trial.stop_switch import StopKey, StopSwitch, is_foreground
+
+from ...forked_command import run_command
 
 pytest.importorskip("termios", reason="needs a POSIX terminal")
 import pty
@@ -262,9 +263,11 @@ def test_on_a_system_without_terminals_the_instructions_say_that_there_is_no_key
 
 
 def test_without_a_terminal_there_is_no_key_and_the_run_continues(tmp_path):
-    command = [sys.executable, "-m", "teleop", "run", "--clock", "virtual", "--no-record"]
-    done = subprocess.run([*command, "--duration", "0.2"], input=b"\n\n", capture_output=True)
-    assert done.returncode == 0
+    lines = tmp_path / "lines"
+    lines.write_text("\n\n")
+    with lines.open() as typed:
+        command = ("run", "--clock", "virtual", "--no-record", "--duration", "0.2")
+        assert run_command(*command, stdin=typed).returncode == 0
 
 
 def test_a_process_whose_input_is_not_a_terminal_is_not_in_the_foreground(monkeypatch):

@@ -1,11 +1,10 @@
-"""`teleop rig` and `teleop run --rig` against emulated devices in another process."""
+"""`teleop rig` and `teleop run --rig`, in another process than the emulated devices."""
 
 from __future__ import annotations
 
 import contextlib
 import json
 import os
-import signal
 import subprocess
 import sys
 import threading
@@ -25,6 +24,7 @@ from teleop.rig.emulation import make_emulator
 from teleop.settings.trial_settings import TrialSettings
 
 from ...busy_machine import REPEATS, busy_cause
+from ...forked_command import run_command, start_command
 
 RIGS = Path(__file__).parents[3] / "rigs"
 BOARD = str(RIGS / "serial-board.toml")
@@ -34,64 +34,6 @@ EXAMPLES = ["serial-board", "odrive-bota", "cia402-ft300", "ati-netft"]
 pytestmark = pytest.mark.skipif(
     sys.platform == "win32", reason="there are no pseudo-terminals on this system"
 )
-
-
-def teleop(*arguments, **options):
-    return subprocess.run(
-        [sys.executable, "-m", "teleop", *map(str, arguments)],
-        capture_output=True,
-        text=True,
-        timeout=60,
-        check=False,
-        **options,
-    )
-
-
-@contextlib.contextmanager
-def emulated(path, folder, *arguments):
-    """Run `teleop rig emulate` on a rig file; yield its output."""
-    out = folder / "run.toml"
-    process = subprocess.Popen(
-        [sys.executable, "-m", "teleop", "rig", "emulate", path, "--json", "--out", out,
-         *arguments],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )  # fmt: skip
-    try:
-        lines = iter(process.stdout.readline, "")
-        document = ""
-        for line in lines:
-            document += line
-            if line.rstrip() == "}":
-                break
-        assert document, process.stderr.read()
-        yield out, json.loads(document)
-    finally:
-        process.send_signal(signal.SIGTERM)
-        process.communicate(timeout=10)
-        assert process.returncode == 0
-
-
-@pytest.mark.real_time
-def test_a_rig_is_run_and_recorded_against_its_emulated_devices(tmp_path, capsys, undemanding_rig):
-    board = undemanding_rig("serial-board", tmp_path / "board.toml")
-    with emulated(board, tmp_path, "--condition", "autonomous") as (rig, document):
-        assert set(document["ports"]) == set(read_rig_file(rig).sections.buses)
-        for number in range(1 + REPEATS):
-            path = tmp_path / f"run{number}.mcap"
-            ran = teleop(
-                *RUN, rig, "--condition", "autonomous", "--duration", 1, "--json",
-                "--record", path,
-            )  # fmt: skip
-            if not busy_cause(ran.stderr, on_devices=True):
-                break
-        assert ran.returncode == 0, ran.stderr
-        summary = json.loads(ran.stdout)
-        assert summary["rig"] == read_rig_file(rig).sections.name
-        assert summary["truth"] is None
-    assert main(["estimate", str(path), "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["as_online"]
 
 
 @contextlib.contextmanager
@@ -118,7 +60,8 @@ def test_the_check_reports_channels_round_trips_and_watchdogs(tmp_path, undemand
     path = undemanding_rig("odrive-bota", tmp_path / "odrive-bota.toml")
     with served(path, tmp_path) as (rig, emulator):
         for _ in range(1 + REPEATS):
-            checked = teleop("rig", "check", rig, "--seconds", 0.3, "--duration", 0.5, "--json")
+            command = ("rig", "check", rig, "--seconds", 0.3, "--duration", 0.5, "--json")
+            checked = run_command(*command)
             if not busy_cause(checked.stderr, on_devices=True):
                 break
         assert not emulator.mechanism.driven
@@ -147,7 +90,7 @@ def test_a_report_has_everything_that_the_developers_need(tmp_path, undemanding_
     short = ("--seconds", 0.3, "--duration", 0.3)
     with served(path, tmp_path) as (rig, _):
         for _ in range(1 + REPEATS):
-            done = teleop("rig", "report", rig, "--out", out, *short, "--overwrite")
+            done = run_command("rig", "report", rig, "--out", out, *short, "--overwrite")
             if not busy_cause(done.stderr, on_devices=True):
                 break
     assert done.returncode == 0, done.stderr
@@ -182,13 +125,11 @@ def test_a_report_about_a_rig_that_cannot_be_opened_states_why(tmp_path, refused
 
 def controller(rig):
     """A palpation in another process."""
-    return subprocess.Popen(
-        [sys.executable, "-m", "teleop", *RUN, rig, "--condition", "autonomous",
-         "--no-record", "--realtime", "off"],
+    return start_command(
+        *(*RUN, rig, "--condition", "autonomous", "--no-record", "--realtime", "off"),
         stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE,
-        text=True,
-    )  # fmt: skip
+    )
 
 
 @pytest.mark.real_time

@@ -10,7 +10,6 @@ import re
 import select
 import signal
 import subprocess
-import sys
 import threading
 import time
 from collections import Counter
@@ -26,8 +25,9 @@ from teleop.settings.trial_settings import TrialSettings
 from teleop.studies.series.journal import Journal
 
 from ...busy_machine import REPEATS, busy_cause
+from ...forked_command import run_command, start_command
 
-pty = pytest.importorskip("pty", reason="there are no pseudo-terminals on this system")
+pytest.importorskip("pty", reason="there are no pseudo-terminals on this system")
 pytestmark = pytest.mark.real_time
 
 SHORT = """
@@ -48,17 +48,16 @@ class Series:
     """`teleop series` in a new terminal."""
 
     def __init__(self, folder, *arguments):
-        pid, self.terminal = pty.fork()
-        if not pid:
-            os.chdir(folder)
-            os.execv(sys.executable, [sys.executable, "-m", "teleop", "series", *arguments])
-        self.pid, self.text = pid, ""
+        self.terminal, follower = os.openpty()
+        self.command = start_command("series", *arguments, terminal=follower, cwd=folder)
+        os.close(follower)
+        self.text = ""
 
     def wait_until(self, pattern):
         """Return the text up to a pattern; None if the command ends before it."""
         while not (found := re.search(pattern, self.text, re.DOTALL)):
             if not select.select([self.terminal], [], [], 60.0)[0]:
-                os.kill(self.pid, signal.SIGKILL)
+                self.command.kill()
                 pytest.fail(f"nothing is printed after: {self.text}")
             try:
                 data = os.read(self.terminal, 4096)
@@ -75,22 +74,20 @@ class Series:
 
     def end(self):
         self.wait_until("no further text")
-        _, status = os.waitpid(self.pid, 0)
         os.close(self.terminal)
-        return os.waitstatus_to_exitcode(status)
+        return self.command.wait()
 
 
 class Emulated:
     """`teleop rig emulate`, in which a person types what is palpated."""
 
     def __init__(self, folder):
-        self.process = subprocess.Popen(
-            [sys.executable, "-m", "teleop", "rig", "emulate", "board.toml"],
+        self.process = start_command(
+            *("rig", "emulate", "board.toml"),
             cwd=folder,
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
-            text=True,
         )
         self.limit = threading.Timer(120.0, self.process.kill)
         self.limit.start()
@@ -188,12 +185,11 @@ def served(tmp_path, board):
 def test_a_killed_series_stops_the_devices_and_is_resumed_with_nothing_lost(served, tmp_path):
     plan = SHORT.replace(', "free"', "").replace("0.8", "1.2")
     (tmp_path / "plan.toml").write_text(plan)
-    command = [sys.executable, "-m", "teleop", "series", "plan.toml", "--rig", "run.toml",
-               "--yes", "--out", "study"]  # fmt: skip
+    command = ("series", "plan.toml", "--rig", "run.toml", "--yes", "--out", "study")
     chance, kept = random.Random(2), {}
     for _ in range(2):
-        series = subprocess.Popen(
-            command, cwd=tmp_path, stdin=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
+        series = start_command(
+            *command, cwd=tmp_path, stdin=subprocess.DEVNULL, stderr=subprocess.PIPE
         )
         while not served.mechanism.driven and series.poll() is None:
             select.select((), (), (), 0.01)
@@ -209,9 +205,7 @@ def test_a_killed_series_stops_the_devices_and_is_resumed_with_nothing_lost(serv
         recordings = (tmp_path / "study" / "recordings").glob("*.mcap")
         kept = {path: path.read_bytes() for path in recordings}
     for _ in range(1 + REPEATS):
-        done = subprocess.run(
-            command, cwd=tmp_path, stdin=subprocess.DEVNULL, capture_output=True, text=True
-        )
+        done = run_command(*command, cwd=tmp_path)
         if not busy_cause(done.stderr, on_devices=True):
             break
     assert done.returncode == 0, done.stderr

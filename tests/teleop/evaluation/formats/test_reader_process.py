@@ -6,7 +6,6 @@ import json
 import os
 import random
 import signal
-import subprocess
 import sys
 import time
 import zipfile
@@ -18,6 +17,8 @@ from mcap.writer import CompressionType, Writer
 from teleop.errors import InputError
 from teleop.evaluation.formats import reader_process
 from teleop.evaluation.reading.signals import read_signals
+
+from ....forked_command import start_command
 
 HEAD = b"PK\x03\x04"
 """First bytes of a spreadsheet."""
@@ -57,7 +58,7 @@ def test_a_command_that_is_stopped_ends_its_reader(tmp_path, library, ending):
     library("python_calamine", code)
     path = tmp_path / "data.xlsx"
     path.write_bytes(HEAD)
-    process = subprocess.Popen([sys.executable, "-m", "teleop", "estimate", path])
+    process = start_command("estimate", path)
     try:
         while not (started.exists() and started.read_text()):
             assert process.poll() is None

@@ -7,8 +7,6 @@ import pytest
 from .conftest import wait_for
 from .result import summary
 
-pytestmark = pytest.mark.real_time
-
 FAULT = "document.getElementById('mode').textContent === 'fault'"
 
 
@@ -94,7 +92,7 @@ def test_space_stops_wherever_the_focus_is_and_presses_nothing(trial_feed, serve
 
 def test_space_in_the_notes_writes_a_space_and_escape_stops(trial_feed, serve, open_page):
     feed = trial_feed(mode="ended")
-    page = open_page(serve(feed).url())
+    page = open_page(serve(feed, quick=True).url())
     page.locator("#notes-area summary").click()
     page.focus("#notes")
     page.keyboard.type("a b")
@@ -122,7 +120,11 @@ def test_a_page_without_control_can_stop_but_not_arm(trial_feed, serve, open_pag
     assert feed.kinds() == ["stop"]
 
 
-def test_start_is_possible_only_after_unlock_and_for_a_limited_time(trial_feed, serve, open_page):
+@pytest.mark.real_time
+def test_start_is_possible_only_after_unlock_and_for_a_limited_time(
+    trial_feed, serve, open_page, monkeypatch
+):
+    monkeypatch.setattr("teleop.live.clients.UNLOCKED", 1.0)
     feed = trial_feed(mode="ready")
     page = open_page(serve(feed).url())
     start = page.get_by_role("button", name="Start")
@@ -208,7 +210,7 @@ def test_the_list_of_trials_needs_no_horizontal_scroll(size, trial_feed, serve, 
 
 def test_a_series_has_next_repeat_and_skip(trial_feed, serve, open_page):
     feed = trial_feed(mode="ended", series={"position": 2, "of": 5})
-    page = open_page(serve(feed).url())
+    page = open_page(serve(feed, quick=True).url())
     assert page.locator("#series-text").inner_text() == "trial 2 of 5"
     for name in ("Next", "Repeat", "Skip"):
         page.get_by_role("button", name=name).click()
@@ -216,6 +218,7 @@ def test_a_series_has_next_repeat_and_skip(trial_feed, serve, open_page):
     assert feed.kinds() == ["next", "repeat", "skip"]
 
 
+@pytest.mark.real_time
 def test_a_double_click_answers_one_question_only(trial_feed, serve, open_page):
     feed = trial_feed(mode="ended", series={"position": 2, "of": 5})
     answer = feed.request
@@ -237,7 +240,7 @@ def test_a_double_click_answers_one_question_only(trial_feed, serve, open_page):
 def test_only_the_possible_answers_to_a_question_can_be_pressed(trial_feed, serve, open_page):
     feed = trial_feed(mode="ended", series={"position": 2, "of": 5})
     feed.prompt = {"number": 4, "answers": ["next", "notes"]}
-    page = open_page(serve(feed).url())
+    page = open_page(serve(feed, quick=True).url())
     wait_for(page, "!document.getElementById('next').disabled")
     assert page.get_by_role("button", name="Skip").is_disabled()
     assert page.get_by_role("button", name="Repeat").is_disabled()
@@ -279,6 +282,7 @@ def test_a_stop_by_a_person_is_no_fault(trial_feed, serve, open_page):
         assert page.locator("#text").inner_text() == "Stopped with STOP in the page."
 
 
+@pytest.mark.real_time
 def test_the_time_of_the_trial_ends_at_the_stop(trial_feed, serve, open_page):
     feed = trial_feed()
     page = open_page(serve(feed).url())
@@ -315,7 +319,11 @@ def test_only_a_page_that_can_press_the_buttons_names_them(trial_feed, serve, op
     wait_for(second, f"{text} === 'A text. Continue in the main view.'")
 
 
-def test_the_focus_goes_to_the_next_button_after_next_and_start(trial_feed, serve, open_page):
+@pytest.mark.real_time
+def test_the_focus_goes_to_the_next_button_after_next_and_start(
+    trial_feed, serve, open_page, monkeypatch
+):
+    monkeypatch.setattr("teleop.live.clients.UNLOCKED", 1.0)
     feed = trial_feed(mode="ended")
     request = feed.request
 
@@ -325,7 +333,7 @@ def test_the_focus_goes_to_the_next_button_after_next_and_start(trial_feed, serv
             feed.mode, feed.prompt = "ready", None
 
     feed.request = carry_out
-    page = open_page(serve(feed).url())
+    page = open_page(serve(feed, quick=True).url())
     wait_for(page, "!document.getElementById('next').disabled")
     page.focus("#next")
     page.keyboard.press("Enter")

@@ -14,8 +14,6 @@ from teleop.recording.recording import load
 
 from .conftest import wait_for
 
-pytestmark = pytest.mark.real_time
-
 PICTURE = "document.querySelector('.strip-position canvas').toDataURL()"
 
 KEEP = """() => {
@@ -39,7 +37,8 @@ COMPARE = """() => pixels().map((drawn, n) => {
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory):
     path = tmp_path_factory.mktemp("replay") / "mimic.mcap"
-    arguments = ["--clock", "virtual", "--condition", "mimic", "--duration", "15", "--record"]
+    arguments = ["--clock", "virtual", "--rate", "500", "--condition", "mimic"]
+    arguments += ["--duration", "15", "--record"]
     assert main(["run", *arguments, str(path), "--json"]) == 0
     return load(path)
 
@@ -181,7 +180,7 @@ def test_the_overview_the_steps_the_events_and_the_strips_change_the_time_of_all
     for press, steps in (("#forward", 1), ("#back", -1), (".", 1), (",", -1)):
         row = int(np.searchsorted(times, page.evaluate(TIME)))
         page.keyboard.press(press) if len(press) == 1 else page.click(press)
-        assert page.evaluate(TIME) == times[row + 4 * steps]  # 250 of 1000 rows per second
+        assert page.evaluate(TIME) == times[row + 2 * steps]  # 250 of 500 rows per second
     assert page.evaluate(TIME) == middle
     plot = page.locator(".strip-force .plot").bounding_box()
     page.mouse.move(plot["x"] + 300, plot["y"] + 5)

@@ -14,14 +14,14 @@ from .result import summary
 
 pytestmark = pytest.mark.real_time
 
-SIZES = [(1024, 768), (1280, 720), (1366, 768), (1920, 1080), (390, 844)]
+SIZES = [(1024, 768), (1366, 768), (1920, 1080), (390, 844)]
 TARGET = {"frequency": 1.0, "depth": 0.016, "low": 0.0016, "count_in": 3.0}
 FEEDBACK = {"law": "model-mediated", "prior": 2e4, "delay": 0.05, "jitter": 0.02, "loss": 0.05}
 CASES = [
-    ("free", "", SIZES[::4]),
+    ("free", "", SIZES[::3]),
     ("mimic", "", SIZES),
-    ("autonomous", "", SIZES[::4]),
-    ("mimic", "operator", SIZES),
+    ("autonomous", "", SIZES[::3]),
+    ("mimic", "operator", SIZES[::3]),
 ]
 """Condition of the trial, view of the page, and sizes of the window."""
 

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import json
 import math
-import os
 import re
 import subprocess
-import sys
 import time
 
 import numpy as np
@@ -23,16 +21,13 @@ LATEST = "[teleop.last('rls_k'), teleop.last('contact_force'), teleop.last('slav
 
 
 @pytest.fixture
-def trial(tmp_path):
+def trial(tmp_path, start_command):
     """Start a trial for the pointer; return its process and the URL of its page."""
-    command = [sys.executable, "-m", "teleop", "run", "--live", "--operator", "pointer"]
-    options = ["--duration", "5", "--rate", "250", "--record", str(tmp_path / "trial.mcap")]
-    process = subprocess.Popen(
-        [*command, *options, "--json"],
+    options = ["--duration", "3", "--rate", "250", "--record", str(tmp_path / "trial.mcap")]
+    process = start_command(
+        *("run", "--live", "--operator", "pointer", *options, "--json"),
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
-        env={**os.environ, "PYTHONUNBUFFERED": "1"},
-        text=True,
     )
     lines = []
     try:
@@ -60,10 +55,10 @@ def test_palpation_with_the_mouse_estimates_the_stiffness(trial, open_page):
     page.mouse.move(x, box["y"] + 0.4 * box["height"])
     page.mouse.down()
     found, begun = [], time.monotonic()
-    while (t := time.monotonic() - begun) < 3.0:
+    while (t := time.monotonic() - begun) < 2.2:
         page.mouse.move(x, box["y"] + (0.66 - 0.14 * math.cos(6.0 * t)) * box["height"])
         page.wait_for_timeout(20)
-        if t > 1.0:
+        if t > 0.8:
             found.append(page.evaluate(LATEST))
     page.mouse.up()
     k, force, depth = np.array(found, float).T

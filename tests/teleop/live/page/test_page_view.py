@@ -9,8 +9,6 @@ import pytest
 
 from .conftest import WATCH, wait_for
 
-pytestmark = pytest.mark.real_time
-
 
 def number(text):
     return float(re.search("[\u2212\\d.]+", text)[0].replace("\u2212", "-"))

@@ -31,6 +31,8 @@ from teleop.trial.recorded_trial import recorded_part
 from teleop.trial.run import run_trial
 from teleop.trial.stop_switch import StopSwitch
 
+from ....forked_command import start_command
+
 RIG = Path(__file__).parents[4] / "rigs" / "serial-board.toml"
 PLAN = """
 name = "short"
@@ -508,13 +510,13 @@ def test_a_trial_whose_repetition_is_spoilt_is_no_longer_in_the_table(plan, tmp_
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no SIGKILL")
 def test_a_series_that_is_killed_again_and_again_completes_and_loses_nothing(plan, tmp_path):
-    command = [sys.executable, "-m", "teleop", "series", "plan.toml", "--out", "out"]
+    command = ("series", "plan.toml", "--out", "out")
     chance = random.Random(1)
     kept: dict[Path, bytes] = {}
     journal = tmp_path / "out" / "journal.jsonl"
     for _ in range(3):
         known = journal.stat().st_size if journal.exists() else 0
-        process = subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.DEVNULL)
+        process = start_command(*command, cwd=tmp_path, stderr=subprocess.DEVNULL)
         while process.poll() is None and not (journal.exists() and journal.stat().st_size > known):
             time.sleep(0.01)
         time.sleep(chance.uniform(0.0, 0.3))  # of about 0.15 s, which a trial takes
@@ -527,6 +529,7 @@ def test_a_series_that_is_killed_again_and_again_completes_and_loses_nothing(pla
             path: path.read_bytes() for path in (tmp_path / "out" / "recordings").glob("*.mcap")
         }
     environment = os.environ | {"PYTHONWARNINGS": "error"}
+    command = (sys.executable, "-m", "teleop", *command)
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, env=environment)
     assert done.returncode == 0, done.stderr
     assert [row["cube"] for row in rows(tmp_path / "out")] == ["soft", "medium", "hard"]
@@ -534,14 +537,14 @@ def test_a_series_that_is_killed_again_and_again_completes_and_loses_nothing(pla
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no SIGKILL")
 def test_after_a_kill_at_a_prompt_a_trial_or_a_note_the_table_has_every_done_trial(plan, tmp_path):
-    command = [sys.executable, "-m", "teleop", "series", "plan.toml", "--out", "out", "--ask"]
+    command = ("series", "plan.toml", "--out", "out", "--ask")
     chance = random.Random(4)
     folder = tmp_path / "out"
 
     at_note = 0
     for attempt in range(4):
-        process = subprocess.Popen(
-            command, cwd=tmp_path, stdin=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        process = start_command(
+            *command, cwd=tmp_path, stdin=subprocess.PIPE, stderr=subprocess.PIPE
         )
         process.stdin.write("\n")  # runs one trial; the question for a note has no answer
         process.stdin.flush()

@@ -8,7 +8,6 @@ import os
 import random
 import signal
 import subprocess
-import sys
 import time
 from pathlib import Path
 from types import SimpleNamespace
@@ -30,6 +29,8 @@ from teleop.studies.sweep.plan import SweepPlan, read_plan
 from teleop.studies.sweep.points import Point, points_of
 from teleop.studies.sweep.tasks import Computed, computed, results, task_of
 from teleop.trial.run import run_trial
+
+from ....forked_command import run_command, start_command
 
 PLAN = """
 name = "short"
@@ -362,18 +363,18 @@ def test_a_sweep_that_was_killed_in_the_first_line_of_its_journal_starts_again(t
 
 def test_a_sweep_killed_at_random_instants_ends_with_the_results_of_one_that_was_not(tmp_path):
     plan = written(tmp_path / "plan.toml", PLAN.replace("name", "seeds = 2\nname"))
-    command = [sys.executable, "-m", "teleop", "sweep", str(plan), "--workers", "2", "--out"]
+    command = ("sweep", plan, "--workers", "2", "--out", tmp_path / "killed")
     chance = random.Random(1)
     journal = tmp_path / "killed" / "journal.jsonl"
     for _ in range(2):
         known = journal.stat().st_size if journal.exists() else 0
-        process = subprocess.Popen([*command, str(tmp_path / "killed")], stderr=subprocess.PIPE)
+        process = start_command(*command, stderr=subprocess.PIPE)
         while process.poll() is None and not (journal.exists() and journal.stat().st_size > known):
             time.sleep(0.01)
         time.sleep(chance.uniform(0.0, 0.2))  # of about 0.3 s, which the points take
         process.kill()
         process.communicate()
-    subprocess.run([*command, str(tmp_path / "killed")], check=True, capture_output=True)
+    run_command(*command).check_returncode()
     swept(tmp_path / "whole", plan)
     for name in ("results.csv", "results.parquet"):
         expected = (tmp_path / "whole" / name).read_bytes()
