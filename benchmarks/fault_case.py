@@ -71,7 +71,7 @@ class CampaignReaders(ReadersInLoop):
         session = {"path": str(path), "metadata": {}, "overwrite": False, "show": False}
         session |= {"duration": 0.0, "hint": "", "instructions": "", "cue": None}
         self._recorder = Recorder(session, reader, partial(self._receive, "recorder"))
-        self._recorder.receive({"start": 10**18})
+        self._recorder.begin(10**18)
         self._advance()
         self._recorder._file.flush()  # type: ignore[union-attr]
 

@@ -20,6 +20,7 @@ def main() -> int:
     import gc
     import os
     import signal
+    import sys
 
     gc.set_threshold(LATER_COLLECTION)
     os.environ.setdefault("OMP_NUM_THREADS", "1")
@@ -30,7 +31,13 @@ def main() -> int:
         code = command_line()
     except KeyboardInterrupt:
         code = 130
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    finally:
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        for stream in (sys.stdout, sys.stderr):
+            try:
+                stream.flush()
+            except OSError:  # a closed terminal: at its exit, Python would change the exit code
+                os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
     return code
 
 

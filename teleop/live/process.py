@@ -39,10 +39,11 @@ async def main(folder: Path) -> None:
     pipe.stop_waiting()
 
     def has_ended() -> bool:
+        has_ended = pipe.ended > 0.0  # before the last messages are read
         for message in pipe.messages():
             feed.receive(message)
-        feed.gone = pipe.ended > 0.0
-        return feed.gone
+        feed.gone = has_ended
+        return has_ended
 
     try:
         await serve(

@@ -89,10 +89,10 @@ class Recorder(Reader):
         self._last: Floats | None = None
         self._estimates: list[Shown] = []
 
-    def receive(self, document: dict[str, Any]) -> None:
+    def begin(self, start: int) -> None:
         """Begin the recording. `start` is the expected time of the first tick, Unix time [ns]."""
         if self._file:
-            self._file.begin(document["start"])
+            self._file.begin(start)
 
     def advance(self) -> None:
         """Record the ticks and events that are new since the last call."""
@@ -195,5 +195,12 @@ class Recorder(Reader):
         )
 
 
+def in_process(session: Mapping[str, Any], stream: StreamReader, send: Send) -> Recorder:
+    """Return the recorder for a process of its own."""
+    recorder = Recorder(session, stream, send)
+    recorder.begin(session["start"])
+    return recorder
+
+
 if __name__ == "__main__":
-    run_reader("recorder", Recorder, NAP)
+    run_reader("recorder", in_process, NAP)

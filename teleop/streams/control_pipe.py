@@ -26,7 +26,7 @@ class ControlPipe:
 
     def __init__(self) -> None:
         self._input, self._output = sys.stdin.fileno(), sys.stdout.fileno()
-        self._lines: deque[bytes | None] = deque()
+        self._lines: deque[bytes] = deque()
         self._arrived = threading.Semaphore(0)
         self.ended = 0.0
         """Time at which standard input ended [s]; 0 before it ended."""
@@ -38,26 +38,21 @@ class ControlPipe:
             *lines, received = (received + part).split(b"\n")
             self._lines.extend(lines)
             self._arrived.release(max(len(lines), 1))
-        self._lines.append(None)
+        self.ended = time.monotonic()
         self._arrived.release()
 
     def read_line(self) -> dict[str, Any]:
         """Wait for a message of the control process. Raise an EOFError if it has ended."""
         while not self._lines:
+            if self.ended and not self._lines:  # the last line arrives before the end
+                raise EOFError
             self._arrived.acquire()
-        line = self._lines.popleft()
-        if line is None:
-            raise EOFError
-        return loads(line)
+        return loads(self._lines.popleft())
 
     def messages(self) -> Iterator[dict[str, Any]]:
-        """Yield the messages that have arrived. If the control process has ended, set `ended`."""
+        """Yield the messages that have arrived."""
         while self._lines:
-            line = self._lines.popleft()
-            if line is None:
-                self.ended = time.monotonic()
-                return
-            yield loads(line)
+            yield loads(self._lines.popleft())
 
     def send(self, document: dict[str, Any]) -> None:
         """Send a document, or discard it if the control process does not read or has ended."""

@@ -30,9 +30,6 @@ class Reader(ABC):
         """Read the rest of the stream, and return the last message; `problem` is a text in it."""
         return {"problem": ""}
 
-    def receive(self, document: dict[str, Any]) -> None:  # noqa: B027  most readers get none
-        """Process a message of the control process."""
-
 
 def run_reader(
     name: str,
@@ -57,8 +54,6 @@ def run_reader(
     pipe.send({"problem": ""})
     while not pipe.ended:
         start = time.monotonic()
-        for message in pipe.messages():
-            reader.receive(message)
         reader.advance()
         time.sleep(max(period, (time.monotonic() - start) / 9.0))
     pipe.send(reader.finish())

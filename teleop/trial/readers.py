@@ -149,7 +149,7 @@ class ReadersInLoop(ReadersOfTrial):
     def begin(self, start: int) -> None:
         """Begin the recording."""
         if self._recorder:
-            self._recorder.receive({"start": start})
+            self._recorder.begin(start)
 
     def after_tick(self, record: Record) -> None:
         """Let the readers read if there is a block of new ticks, or an evaluation is due."""
@@ -209,10 +209,9 @@ class ReadersInProcesses(ReadersOfTrial):
     def begin(self, start: int) -> None:
         """Wait until all processes are ready, so that their start does not delay the loop."""
         for name, process in self._processes.items():
-            process.begin({**self._sessions[name], "stream": self._stream.document})
+            stream = self._stream.document
+            process.begin({**self._sessions[name], "stream": stream, "start": start})
             process.move_off()
-        if recorder := self._processes.get("recorder"):
-            recorder.tell({"start": start})
 
     def after_tick(self, record: Record) -> None:
         """Look for messages of the processes, and whether they run, once per `CHECK` seconds."""
@@ -247,7 +246,8 @@ class ReadersInProcesses(ReadersOfTrial):
         messages = self._processes[name].finish(CLOSING)
         last = messages.pop() if messages and "problem" in messages[-1] else None
         for message in messages:
-            self._receive(name, message)
+            if "problem" not in message:  # else it states that the process has started
+                self._receive(name, message)
         if last is None and name not in self._ended:
             self._receive(name, None)
         return last

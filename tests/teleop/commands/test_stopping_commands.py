@@ -127,8 +127,9 @@ PROMPTS = {
 
 
 @pytest.mark.real_time
-def test_a_closed_terminal_ends_a_command_wherever_it_waits(tmp_path):
+def test_a_closed_terminal_ends_a_command_wherever_it_waits(tmp_path, monkeypatch):
     pytest.importorskip("pty", reason="needs a pseudo-terminal")
+    monkeypatch.delenv("PYTHONUNBUFFERED", raising=False)  # the rest of the output is not written
     (tmp_path / "plan.toml").write_text(PLAN)
     running = {}
     for name, (arguments, _) in PROMPTS.items():

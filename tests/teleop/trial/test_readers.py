@@ -16,6 +16,7 @@ from teleop.cli import main
 from teleop.recording.recording import load, load_intact
 from teleop.safety import Mode
 from teleop.settings.trial_settings import TrialSettings
+from teleop.streams.child_process import ChildProcess
 from teleop.trial.readers import ReadersInProcesses
 from teleop.trial.run import run_trial
 
@@ -212,6 +213,17 @@ def test_a_killed_recorder_ends_the_trial_with_a_ramp_and_loses_a_tenth_of_a_sec
     assert trial.outcome.problem == "the recorder was killed"
     assert_ramped([*killed][-1], f"{path}: the recorder was killed")
     assert main(["recover", str(path)]) == 0
+
+
+def test_a_signal_while_the_readers_start_ends_the_trial(monkeypatch, tmp_path):
+    def interrupted(process, session):
+        process.tell(session)  # the answer that it has started is not read
+        process._serves = True
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(ChildProcess, "begin", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        run_trial(SETTINGS, tmp_path / "a.mcap")
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
