@@ -150,6 +150,22 @@ async def test_of_two_choices_in_quick_succession_the_later_one_counts(command):
     assert (await command.end(signal.SIGTERM))[0] == 130
 
 
+@command_case("run", "--live", "--duration", "20", *ONE)
+async def test_a_page_that_closes_stops_the_trial_that_it_armed(command):
+    async with command.page() as watching:
+        async with controlled(command) as client:
+            await arm(client)
+        await watching.until(watching.is_in("fault"))
+        text = "the page has confirmed no data of the last 1 s"
+        assert text in watching.latest["state"]["text"]
+    assert (await command.end())[0] == 3
+    recording = load(command.folder / "one.mcap")
+    assert recording.fault["fault"] == "live page lost"
+    speeds = recording["commanded_slave_velocity"]
+    fault = np.flatnonzero(recording["mode"] == 5)[0]
+    assert abs(speeds[fault + 80]) == 0.0
+
+
 @command_case(
     *("run", "--live", "--operator", "pointer", "--duration", "20", *ONE),
 )
