@@ -48,13 +48,13 @@ class Recording:
             "duration": 1.0,
             **{"show": False, "hint": "", "instructions": "", "cue": None},
             "stream": self.stream.document,
+            "start": 10**18,
         }
         try:
             self.process.begin(session)
         except InputError:
             self.stream.unlink()
             raise
-        self.process.tell({"start": 10**18})
 
     def push(self, *numbers, pause=0.0):
         """Write ticks at their number [ms]."""
