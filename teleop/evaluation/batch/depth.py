@@ -23,11 +23,13 @@ determine the surface of the layer above. Nearer to both ends, the smoothing cha
 def zero_of_depth(record: SmoothedRecord, phases: Phases, local: LocalStiffness) -> float:
     """Return the position at which the depth is zero [m]: contact point or lowest position.
 
-    If a baseline is removed, the contact point changes with the baseline, and is not used.
+    If a baseline is removed, the contact point changes with the baseline, and is not used. Without
+    free motion, the lowest position is that of the whole record, which a reader finds in the file.
     """
     if phases.contact_point and not local.baseline_size > 0.0:
         return phases.contact_point.value
-    return float(record.x[phases.usable].min())
+    x = record.x if phases.free_force is None else record.x[phases.usable]
+    return float(x.min())
 
 
 def surface(record: SmoothedRecord, phases: Phases, local: LocalStiffness) -> Value:

@@ -57,6 +57,7 @@ from teleop.evaluation.batch.thresholds import (
     STRUCTURAL_DEGREE,
     SUFFICIENT_RESIDUAL,
     WIDEST_INTERVAL,
+    WITHOUT_MEANING,
 )
 from teleop.evaluation.reason import INVERT_BOTH, Reason
 
@@ -319,6 +320,8 @@ def reasons_after_fit(
     if half_k > WIDEST_INTERVAL * abs(local.k) or local.k < 0.0:
         where = "" if phases.free_force is None else " in contact"
         value = f"{STIFFNESS.number(local.k)} \u00b1 {STIFFNESS.text(half_k)}"
+        if half_k > WITHOUT_MEANING * max(abs(local.k), np.ptp(record.f) / np.ptp(record.x)):
+            value = f"{STIFFNESS.text(local.k)} \u00b1 more than {WITHOUT_MEANING:.0%}"
         if local.r2 < BAD_FIT_R2:
             return [
                 Reason(
@@ -329,7 +332,7 @@ def reasons_after_fit(
         # the models explain the force, but do not agree on k
         why, hint = "noise, or too little motion", ""
         if local.best.times:
-            why = "the force relaxes, so that k depends on the speed, which varies in this motion"
+            why = "the force relaxes, and models that describe it equally well do not agree on k"
             if max(local.best.times) > float(record.clock[-1]):
                 why = "the force changes slowly over the record: it drifts, or the tip slides"
         elif local.best.degree > 1:

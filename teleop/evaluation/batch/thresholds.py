@@ -375,6 +375,8 @@ of the noise of the smoothed force."""
 WIDEST_INTERVAL = 0.5
 """If the half width of the 95 % interval of k is larger than this fraction of k, k is not
 identifiable."""
+WITHOUT_MEANING = 10.0
+"""Multiple of k, and of the ratio of force to travel, above which a half width is not printed."""
 LEAST_CONTACT_MOTION = 10.0
 """Smallest travel in contact with which k is fitted, in units of 2.5 standard deviations of the
 noise of the position."""
