@@ -320,7 +320,8 @@ def reasons_after_fit(
     if half_k > WIDEST_INTERVAL * abs(local.k) or local.k < 0.0:
         where = "" if phases.free_force is None else " in contact"
         value = f"{STIFFNESS.number(local.k)} \u00b1 {STIFFNESS.text(half_k)}"
-        if half_k > WITHOUT_MEANING * max(abs(local.k), np.ptp(record.f) / np.ptp(record.x)):
+        travel, range_of_force = float(np.ptp(record.x)), float(np.ptp(record.f))
+        if half_k * travel > WITHOUT_MEANING * max(abs(local.k) * travel, range_of_force):
             value = f"{STIFFNESS.text(local.k)} \u00b1 more than {WITHOUT_MEANING:.0%}"
         if local.r2 < BAD_FIT_R2:
             return [
