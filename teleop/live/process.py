@@ -39,11 +39,11 @@ async def main(folder: Path) -> None:
     pipe.stop_waiting()
 
     def has_ended() -> bool:
-        has_ended = pipe.ended > 0.0  # before the last messages are read
+        is_last = pipe.ended > 0.0  # no message arrives after the end: these are the last ones
         for message in pipe.messages():
             feed.receive(message)
-        feed.gone = has_ended
-        return has_ended
+        feed.gone = is_last
+        return is_last
 
     try:
         await serve(
