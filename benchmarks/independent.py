@@ -22,7 +22,8 @@ lost motion and lag. k and b are judged separately:
 - unnamed: rightly withheld, but with another cause as the reason.
 
 A false alarm is a remark on a record without a fault that states no true fact of the case. A remark
-on another cause counts neither as `named` nor as allowed. Lost motion is invented if the result
+on another cause counts neither as `named` nor as allowed. Records with a fault are counted if all
+their remarks name other causes, also if k and b are right. Lost motion is invented if the result
 contains it, for a body without fault on a transmission without lost motion. Seed 1 is for
 development. An acceptance run uses a seed that was never used before.
 """
@@ -188,7 +189,7 @@ def simulate(kind: Kind, seed: int, repeat: int) -> Case:
     if kind.link:
         depth, tip, force = kind.link(draw, x, dt, body)
     else:
-        depth = tip = x - kind.recedes * draw.amplitude * t / draw.seconds
+        depth = tip = x - kind.surface(draw, t, x) if kind.surface else x
         force = body.force(t, depth)
     sensor = force
     if kind.mass:
@@ -299,9 +300,9 @@ def evaluate(case: Case, path: Path) -> dict[str, Any]:
     kind, reasons = case.kind, [str(reason) for reason in result["reasons"]]
     named = bool(kind.cause) and any(re.search(kind.cause, reason, re.I) for reason in reasons)
     allowed = "|".join(filter(None, [ALWAYS_ALLOWED, kind.allowed]))
-    alarms = [c for r in reasons for c in claims(r) if not re.search(allowed, c, re.I)]
-    if kind.cause or not result["identifiable"]:
-        alarms = []
+    others = [c for r in reasons for c in claims(r) if not re.search(allowed, c, re.I)]
+    alarms = others if result["identifiable"] and not kind.cause else []
+    misled = bool(kind.cause) and not named and bool(others)
     k, b = judge_k(case, result, named), judge_b(case, result, named)
     return {
         "kind": kind.name,
@@ -310,6 +311,7 @@ def evaluate(case: Case, path: Path) -> dict[str, Any]:
         "b": b._asdict(),
         "false_alarms": alarms,
         "named": named,
+        "misled": misled,
         "result": result,
         "options": case.draw.options,
         "drawn": {
@@ -363,6 +365,7 @@ def summary(rows: list[dict[str, Any]]) -> str:
     totals = {s: Counter(row[s]["verdict"] for row in rows) for s in "kb"}
     clean = sum(not kind.cause for kind in KINDS for row in rows if row["kind"] == kind.name)
     alarms = sum(bool(row["false_alarms"]) for row in rows)
+    misled = sum(row["misled"] for row in rows)
     rigid = {kind.name for kind in KINDS if not kind.cause and not kind.link}
     found = [bool(row["result"].get("lost_motion_m")) for row in rows if row["kind"] in rigid]
 
@@ -376,6 +379,7 @@ def summary(rows: list[dict[str, Any]]) -> str:
         f"needless refusals: {total('refused')}",
         f"withheld for another reason than the cause: {total('unnamed')}",
         f"false alarms: {alarms} of {clean} records without a fault",
+        f"only other causes named: {misled} of {len(rows) - clean} records with a fault",
         f"lost motion invented: {sum(found)} of {len(found)} records without fault and lost motion",
     ]
     return "\n".join(lines)

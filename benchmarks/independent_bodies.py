@@ -150,7 +150,11 @@ class WithFriction:
     slip: float
 
     def force(self, t: Array, d: Array) -> Array:
-        return self.body.force(t, d) + self.friction * dahl(d, self.slip)
+        f = self.body.force(t, d)
+        if self.body.bonded:
+            return f + self.friction * dahl(d, self.slip)
+        friction = self.friction * dahl(np.maximum(d, 0.0), self.slip)
+        return np.where(d > 0.0, np.maximum(f + friction, 0.0), 0.0)
 
 
 def dahl(d: Array, slip: float) -> Array:
@@ -243,13 +247,18 @@ def hand(rng: Generator, t: Array, low: float, high: float) -> Array:
     return np.asarray(x / np.abs(x).max())
 
 
-def presses(rng: Generator, t: Array, each: float, depth: float, lift: float) -> Array:
-    """Return presses of different depth and duration `each`, from `lift` above the surface."""
+def presses(
+    rng: Generator, t: Array, each: float, depth: float, lift: float, least: float = 0.8
+) -> Array:
+    """Return presses of duration `each`, from `lift` above the surface.
+
+    Their depth is at least the share `least` of `depth`.
+    """
     times, depths = [t[0] - each], [-lift]
     while times[-1] < t[-1] + each:
         pause, length = each * rng.uniform(0.1, 0.3), each * rng.uniform(0.7, 1.1)
         times += [times[-1] + pause, times[-1] + pause + 0.5 * length, times[-1] + pause + length]
-        depths += [-lift, depth * rng.uniform(0.8, 1.0), -lift]
+        depths += [-lift, depth * rng.uniform(least, 1.0), -lift]
     return np.asarray(minimum_jerk(t, times, depths))
 
 

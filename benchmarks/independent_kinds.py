@@ -110,8 +110,8 @@ class Kind:
     """Remarks that state a true fact of a case without a fault."""
     has_k: bool = True
     """Whether a single stiffness exists."""
-    recedes: float = 0.0
-    """Distance by which the surface moves away in the record, relative to the amplitude."""
+    surface: Callable[[Draw, Array, Array], Array] | None = None
+    """Position of the surface of the body over time and position; None if it rests."""
 
 
 # Bodies, drawn
@@ -198,14 +198,21 @@ def springpot(draw: Draw) -> Springpot:
     return Springpot(draw.k / draw.omega**alpha, alpha, draw.k * draw.uniform(0.3, 1.0))
 
 
-def with_friction(slip: float) -> Callable[[Draw], WithFriction]:
+def with_friction(
+    slip: float, body: Callable[[Draw], Linear] = bonded
+) -> Callable[[Draw], WithFriction]:
     """Return a body with friction inside it; `slip` is relative to the amplitude."""
 
     def make(draw: Draw) -> WithFriction:
         friction = draw.uniform(0.03, 0.12) * draw.k * draw.amplitude
-        return WithFriction(bonded(draw), friction, slip * draw.amplitude)
+        return WithFriction(body(draw), friction, slip * draw.amplitude)
 
     return make
+
+
+def damper(draw: Draw) -> Linear:
+    """Return a body that resists only the velocity, and the drawn stiffness at the frequency."""
+    return physics.kelvin_voigt(0.0, draw.k / draw.omega, bonded=True)
 
 
 def adhesive(draw: Draw) -> physics.Adhesive:
@@ -302,6 +309,14 @@ def ramp_and_return(draw: Draw, t: Array) -> Array:
     return low + (top - low) * share
 
 
+def light_presses(draw: Draw, t: Array) -> Array:
+    """Return presses of which only the last 3 to 8 % of the travel are in contact."""
+    travel = 2.0 * draw.amplitude
+    return physics.presses(
+        draw.rng, t, 1.0 / draw.frequency, travel * draw.uniform(0.03, 0.08), travel, 0.95
+    )
+
+
 def away(draw: Draw, t: Array) -> Array:
     return -draw.centre - draw.amplitude * np.sin(draw.omega * t)
 
@@ -310,6 +325,26 @@ def against_a_stop(draw: Draw, t: Array) -> Array:
     """Return the position of an encoder at the tip, whose drive moves by the drawn motion."""
     draw.resolution = draw.amplitude / 2000.0
     return sine(draw, t) * draw.k / RIGID
+
+
+def sliding(draw: Draw, t: Array, x: Array) -> Array:
+    """Return a surface along which the tip slides downhill."""
+    return 0.8 * draw.amplitude * t / draw.seconds
+
+
+def compacted(draw: Draw, t: Array, x: Array) -> Array:
+    """Return a surface that the loadings lower by 2 to 10 % of their depth, at first the most."""
+    path = np.cumsum(
+        np.where((x > 0.0) & (t > 0.0), np.maximum(np.diff(x, prepend=x[0]), 0.0), 0.0)
+    )
+    lowered = 2.0 * draw.amplitude * draw.uniform(0.02, 0.1)
+    return lowered * (1.0 - np.exp(-path / (path[-1] * draw.uniform(0.15, 0.5))))
+
+
+def preconditioned(draw: Draw, t: Array, x: Array) -> Array:
+    """Return a surface that the presses lower by 2 to 10 % of their depth, at first the most."""
+    lowered = 2.0 * draw.amplitude * draw.uniform(0.02, 0.1)
+    return lowered * (1.0 - np.exp(-np.maximum(t, 0.0) / (draw.seconds * draw.uniform(0.15, 0.5))))
 
 
 # Transmissions, drawn
@@ -425,6 +460,14 @@ def drifting(draw: Draw, t: Array, x: Array, f: Array) -> tuple[Array, Array]:
     return x, f + draw.uniform(0.2, 0.6) * np.ptp(f) * t / draw.seconds
 
 
+def drifting_slowly(draw: Draw, t: Array, x: Array, f: Array) -> tuple[Array, Array]:
+    """Return a force with a drift of 2 to 15 % of its range, at a constant or decreasing rate."""
+    s = np.maximum(t, 0.0) / draw.seconds
+    if draw.rng.random() < 0.5:
+        s = -np.expm1(-2.0 * s) / -math.expm1(-2.0)
+    return x, f + draw.uniform(0.02, 0.15) * draw.rng.choice([-1.0, 1.0]) * np.ptp(f) * s
+
+
 def sign(force: float, position: float) -> Logged:
     def apply(draw: Draw, log: Log) -> Log:
         return Log(log.t, position * log.x, force * log.f)
@@ -515,6 +558,8 @@ LAG = r"\blags?\b|\bdelay"
 SIGN = r"\bsigns?\b|invert|(force|position) (and position )?positive in compression"
 INERTIA = r"\bmass|inertia"
 FRICTION = r"friction"
+MOVES = r"contact point|surface"
+LIGHT = r"contact is too short|contact is short"
 
 # fmt: off
 KINDS = [
@@ -597,7 +642,7 @@ KINDS = [
          has_k=False),
     Kind("rigid stop", rigid, against_a_stop, cause=r"rigid|\bstop\b|does not resolve",
          has_k=False),
-    Kind("sliding tip", linear, presses, recedes=0.8, cause=r"slid|slip|surface|baseline|drift",
+    Kind("sliding tip", linear, presses, surface=sliding, cause=r"slid|slip|surface|baseline|drift",
          ranges={"frequency": (0.4, 1.5)}),
     Kind("no contact", linear, away, cause="contact", has_k=False),
     Kind("held position", linear, sine, True, logged=(held("x"),), cause=HELD,
@@ -626,5 +671,28 @@ KINDS = [
     Kind("saturation", linear, sine, True, analog=(saturated,), cause="saturat", has_k=False),
     Kind("spikes", linear, sine, True, logged=(spikes,), cause="spike|outlier"),
     Kind("drift of the force", linear, sine, True, analog=(drifting,), cause="drift|baseline"),
+    Kind("slow drift, presses", linear, presses, analog=(drifting_slowly,), cause="drift",
+         ranges={"frequency": (0.2, 1.5)}),
+    Kind("slow drift, Fung", stiffening, presses, analog=(drifting_slowly,), cause="drift",
+         ranges={"frequency": (0.2, 1.5)}),
+    Kind("slow drift, QLV", quasi_linear, presses, analog=(drifting_slowly,), cause="drift",
+         ranges={"frequency": (0.2, 1.5)}),
+    Kind("slow drift, ramps, holds", linear, ramps_and_holds, analog=(drifting_slowly,),
+         cause="drift", ranges={"frequency": (0.2, 0.8)}),
+    Kind("preconditioning", linear, presses, surface=preconditioned, cause=MOVES,
+         ranges={"frequency": (0.2, 1.5)}),
+    Kind("compaction", linear, presses, surface=compacted, cause=MOVES,
+         ranges={"frequency": (0.2, 1.5)}),
+    Kind("compaction, Fung", stiffening, presses, surface=compacted, cause=MOVES,
+         ranges={"frequency": (0.2, 1.5)}),
+    Kind("preconditioning, Fung", stiffening, presses, surface=preconditioned, cause=MOVES,
+         ranges={"frequency": (0.2, 1.5)}),
+    Kind("Coulomb inside, presses", with_friction(0.02, linear), presses, cause=FRICTION,
+         ranges={"frequency": (0.2, 1.5)}),
+    Kind("Dahl inside, presses", with_friction(0.1, linear), presses, cause=FRICTION,
+         ranges={"frequency": (0.2, 1.5)}),
+    Kind("damper, sine", damper, about_zero, True, cause="viscous|damper", has_k=False),
+    Kind("light contact", linear, light_presses, ranges={"frequency": (0.2, 1.5)},
+         allowed=LIGHT),
 ]
 # fmt: on

@@ -205,8 +205,12 @@ class Evaluation(Presented):
         """
         result = self.analysis.result
         reasons, hints = list(result.reasons), list(result.hints)
+        local = self.analysis.local
         for part, half in self.online.expected._asdict().items():
-            if half > LARGEST_EXPECTED and not result.resolves(part):
+            # the expected intervals take the misfit of the Kelvin-Voigt model for noise
+            suits = local is None or local.is_linear
+            known = result.resolves(part) or (part == "k" and reasons)
+            if half > LARGEST_EXPECTED and suits and not known:
                 reasons.append(
                     f"motion and noise do not determine {part}: its expected interval is "
                     f"{half_width_text(half)}, and a larger or faster motion makes it narrower"

@@ -23,11 +23,13 @@ from teleop.evaluation.batch.candidate import MASS
 from teleop.evaluation.batch.complex_stiffness import ComplexStiffness, complex_stiffness
 from teleop.evaluation.batch.constancy import cycles_of
 from teleop.evaluation.batch.contact_phases import Phase, Phases, find_phases
+from teleop.evaluation.batch.force_drift import ForceDrift, find_drift
 from teleop.evaluation.batch.harmonic_fit import HarmonicFit, harmonic_fit
 from teleop.evaluation.batch.harmonic_result import harmonic_result
 from teleop.evaluation.batch.interference import interference
 from teleop.evaluation.batch.local_stiffness import LocalStiffness, local_stiffness
 from teleop.evaluation.batch.lost_motion import find_lost_motion
+from teleop.evaluation.batch.moving_contact import find_moving_contact
 from teleop.evaluation.batch.reasons import reasons_before_fit
 from teleop.evaluation.batch.regression_rows import RegressionRows, sharp_position
 from teleop.evaluation.batch.sampling_checks import without_sampling_faults
@@ -35,7 +37,9 @@ from teleop.evaluation.batch.smoothed_record import SmoothedRecord, resample, sm
 from teleop.evaluation.batch.stiffness_result import (
     StiffnessResult,
     stiffness_result,
+    with_alternative,
     with_lost_motion,
+    with_moving_contact,
     with_possible_lost_motion,
     without_result,
 )
@@ -118,6 +122,8 @@ class Analysis:
     """Calibrated transmission for which the record is corrected."""
     harmonic: HarmonicFit | None = None
     """Fit of a sine with few samples per cycle or coarse rounding; None for other records."""
+    drift: ForceDrift | None = None
+    """Drift of the force out of contact, which is removed from the record; None without one."""
 
     @property
     def has_contact(self) -> bool:
@@ -321,6 +327,19 @@ def analyse(signals: Signals, transmission: TransmissionCalibration = RIGID) -> 
     and the record shows lost motion, the evaluation is repeated with the position behind it.
     """
     signals, faults = without_sampling_faults(signals)
+    drift = find_drift(smoothed_record(resample(signals, transmission)))
+    if drift is not None:
+        signals, faults = drift.removed(signals), (*faults, Reason(drift.text))
+    return replace(analyse_checked(signals, transmission, faults), drift=drift)
+
+
+def analyse_checked(
+    signals: Signals, transmission: TransmissionCalibration, faults: Sequence[Reason]
+) -> Analysis:
+    """Evaluate a record without faults of the logger and without drift of the force.
+
+    `faults` are the remarks on those that were removed.
+    """
     if harmonic := coarse_sine(signals, transmission, faults):
         return harmonic
     analysis = fitted(signals, transmission, faults)
@@ -328,6 +347,18 @@ def analyse(signals: Signals, transmission: TransmissionCalibration = RIGID) -> 
     if stated and transmission.delay_share_error >= LEAST_UNKNOWN_SHARE:
         analysis = with_form_of_lag(analysis, signals, faults)
         transmission = analysis.transmission
+    if analysis.local is None:
+        return analysis
+    moving = find_moving_contact(analysis.record, analysis.phases, analysis.local.best)
+    if moving is not None:
+        at_surface = moving.removed(signals)
+        text = Reason(moving.text)
+        if not moving.is_certain:
+            other = fitted(at_surface, transmission, faults)
+            return replace(analysis, result=with_alternative(analysis.result, other.result, text))
+        signals, faults = at_surface, (*faults, text)
+        analysis = fitted(signals, transmission, faults)
+        analysis = replace(analysis, result=with_moving_contact(analysis.result))
     if transmission.lost_motion or analysis.local is None:
         return analysis
     found = find_lost_motion(analysis.record, analysis.phases, analysis.local.best)

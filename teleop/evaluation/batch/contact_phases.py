@@ -117,9 +117,9 @@ def find_phases(record: SmoothedRecord) -> Phases:
     """
     x, f = record.x, record.f
     width = level_width(record)
-    free, saturated = free_and_saturated(record, width)
+    free, saturated = free_and_saturated(record, width, record.force_range[0])
     saturated = saturated or clipped(record)
-    guard = max(1, round(GUARD_WIDTHS * record.width / record.period))
+    guard = guard_of(record)
     contact = np.ones(len(x), dtype=np.bool_)
     free_force = point = None
     spread = error = 0.0
@@ -137,6 +137,11 @@ def find_phases(record: SmoothedRecord) -> Phases:
         usable[max(0, end - guard) : end + guard] = False
     parts = split(record, contact)
     return Phases(contact, inner, usable, free_force, spread, error, point, saturated, parts)
+
+
+def guard_of(record: SmoothedRecord) -> int:
+    """Return the distance from contact up to which the smoothing changes the force [samples]."""
+    return max(1, round(GUARD_WIDTHS * record.width / record.period))
 
 
 def level_width(record: SmoothedRecord) -> float:
@@ -204,11 +209,12 @@ def merged(phases: list[Phase]) -> list[Phase]:
 
 
 def free_and_saturated(
-    record: SmoothedRecord, width: float
+    record: SmoothedRecord, width: float, lowest: float | Floats
 ) -> tuple[NDArray[np.bool_] | None, bool]:
     """Return a mask of the samples in free motion, and whether the force sensor is saturated.
 
-    In free motion, the force stays within `width` [N] of its minimum while the position changes. If
+    In free motion, the force stays within `width` [N] of its minimum while the position changes.
+    `lowest` is this minimum [N], or one for each sample, if the force drifts. If
     the sensor is saturated, it stays within `width` of its maximum. Without free motion, the mask
     is None.
     """
@@ -259,7 +265,7 @@ def free_and_saturated(
         return found
 
     middle = 0.5 * (low + high)
-    free = constant(f < low + pull + width, f < middle, top=False)
+    free = constant(f < lowest + pull + width, f < middle, top=False)
     saturated = constant(f > high - width, f > middle, top=True)
     return (free if free.any() else None), bool(saturated.any())
 

@@ -459,7 +459,8 @@ def is_physical(one: Candidate) -> bool:
     The elastic force rises with depth. Stiffness before and after a knot, mass and friction are
     positive, and the damping grows with depth, and is positive at the highest position. With mass
     or friction, the damping is not negative: a lag of the force or lost motion can otherwise look
-    like mass or friction.
+    like mass or friction. Neither is it with relaxation and damping that depends on depth, which
+    together can describe almost any loss.
     """
     negative = one.b < -LEVEL_95 * one.b_std
     if not one.part(KNOT) and one.powers[::2].sum() <= 0.0:
@@ -467,6 +468,8 @@ def is_physical(one: Candidate) -> bool:
     for part in one.parts:
         values = [each.value for each in part.values]
         if part.kind == DEPTH_DAMPING and not values[0] < values[1] < values[2] > 0.0:
+            return False
+        if part.kind == DEPTH_DAMPING and one.times and negative:
             return False
         if part.kind == KNOT and min(values[1:]) <= 0.0:
             return False

@@ -7,6 +7,7 @@ from scipy.ndimage import median_filter
 
 from estimation.arrays import Floats
 from estimation.baseline import BELOW
+from estimation.estimator import LEVEL_95
 from estimation.quantities import DAMPING, STIFFNESS
 from estimation.transmission import TransmissionCalibration
 from teleop.evaluation.batch.candidate import FRICTION
@@ -56,6 +57,7 @@ from teleop.evaluation.batch.thresholds import (
     STEEPEST_LOSS,
     STRUCTURAL_DEGREE,
     SUFFICIENT_RESIDUAL,
+    VISCOUS_SHARE,
     WIDEST_INTERVAL,
     WITHOUT_MEANING,
 )
@@ -84,7 +86,7 @@ def unsuited(record: SmoothedRecord, phases: Phases) -> Reason | None:
             f"the force is constant at {level:.3g} N while the position creeps: a creep test has "
             "no tangent stiffness"
         )
-    if (fall := puncture(record)) is not None:
+    if (fall := puncture(record, phases)) is not None:
         before, after, position = fall
         return Reason(
             f"the force falls from {before:.3g} to {after:.3g} N in loading, at a position of "
@@ -182,7 +184,7 @@ def creep_force(record: SmoothedRecord, phases: Phases) -> float | None:
     return None
 
 
-def puncture(record: SmoothedRecord) -> tuple[float, float, float] | None:
+def puncture(record: SmoothedRecord, phases: Phases) -> tuple[float, float, float] | None:
     """Find a puncture of the specimen, at which the force falls suddenly during loading.
 
     The result is None if there is no puncture.
@@ -192,12 +194,13 @@ def puncture(record: SmoothedRecord) -> tuple[float, float, float] | None:
     inward = v > LOADING_SPEED * typical_speed(v)
     gaps = np.array(record.starts[1:], dtype=np.intp)
     inward[gaps] = False  # across a gap, the motion is not known
+    inward &= phases.contact
     least = max(PUNCTURE_FALL * float(np.ptp(f)), PUNCTURE_NOISE * record.f_noise)
     for start, end in runs(inward):
         if end - start < 4 * SMOOTHED:
             continue
         longest = max(round(PUNCTURE_TIME * (end - start)), SMOOTHED)
-        travel = PUNCTURE_TRAVEL * float(np.ptp(x))
+        travel = PUNCTURE_TRAVEL * float(np.ptp(x[phases.contact]))
         before, after = largest_fall(x[start:end], f[start:end], travel, longest)
         if f[start + before] - f[start + after] > least:
             return float(f[start + before]), float(f[start + after]), float(x[start + before])
@@ -317,6 +320,8 @@ def reasons_after_fit(
                 "stop, slip, or a specimen that changes"
             )
         ]
+    if reason := viscous_body(record, phases, local, half_k):
+        return [reason]
     if half_k > WIDEST_INTERVAL * abs(local.k) or local.k < 0.0:
         where = "" if phases.free_force is None else " in contact"
         value = f"{STIFFNESS.number(local.k)} \u00b1 {STIFFNESS.text(half_k)}"
@@ -340,6 +345,22 @@ def reasons_after_fit(
             why, hint = "it depends on depth or time", SLOPES
         return [Reason(f"the stiffness is not determined{where}: {value} ({why})", hint)]
     return []
+
+
+def viscous_body(
+    record: SmoothedRecord, phases: Phases, local: LocalStiffness, half_k: float
+) -> Reason | None:
+    """Return the reason that the body is viscous: its force follows the velocity, without k."""
+    x, v = record.x[phases.usable], record.v[phases.usable]
+    time_of_motion = float(np.std(x)) / max(float(np.std(v)), 1e-300)
+    half_b, largest = LEVEL_95 * local.b_std, abs(local.k) + half_k
+    if half_k < abs(local.k) or largest * time_of_motion > VISCOUS_SHARE * (local.b - half_b):
+        return None
+    return Reason(
+        f"the force follows the velocity, not the position: a viscous body with "
+        f"{local.b:.4g} \u00b1 {DAMPING.text(half_b, '.2g')}, whose stiffness is below "
+        f"{STIFFNESS.text(largest, '.2g')}, or a motion that is too fast for its stiffness"
+    )
 
 
 def remarks(

@@ -55,6 +55,7 @@ from teleop.evaluation.batch.thresholds import (
     LARGEST_PHASE_DRIFT,
     LEAST_AMPLITUDE_FOR_B,
     LEAST_AMPLITUDE_FOR_K,
+    MOTION_FORM_ERROR,
     NOTABLE_INERTIA,
     NOTABLE_LAG,
     UNCERTAIN_CORRECTION,
@@ -487,20 +488,44 @@ def with_possible_lost_motion(
 
     `corrected` is the result if the lost motion is removed (`with_lost_motion`).
     """
-    if result.k is None or corrected.k is None:
-        return result
-    half_k = max(abs(end - result.k) for end in (*result.interval("k"), *corrected.interval("k")))
-    half_b, values = None, STIFFNESS.text(corrected.k)
-    if result.b is not None and corrected.b is not None:
-        ends = (*result.interval("b"), *corrected.interval("b"))
-        half_b = max(abs(end - result.b) for end in ends)
-        values += f" and {DAMPING.text(corrected.b)}"
     text = (
         f"lost motion of about {found.half_width * 1e6:.3g} um between position sensor and tip is "
-        f"possible, and the intervals contain its effect: without it, the result would be {values}"
+        "possible"
     )
+    return with_alternative(result, corrected, Reason(text, MEASURE))
+
+
+def with_alternative(
+    result: StiffnessResult, other: StiffnessResult, cause: Reason
+) -> StiffnessResult:
+    """Return a result whose intervals contain those of another one, which is also possible.
+
+    `cause` states what the other result takes into account.
+    """
+    if result.k is None or other.k is None:
+        return result
+    half_k = max(abs(end - result.k) for end in (*result.interval("k"), *other.interval("k")))
+    half_b, values = None, STIFFNESS.text(other.k)
+    if result.b is not None and other.b is not None:
+        ends = (*result.interval("b"), *other.interval("b"))
+        half_b = max(abs(end - result.b) for end in ends)
+        values += f" and {DAMPING.text(other.b)}"
+    text = f"{cause.text}, and the intervals contain its effect: with it, the result is {values}"
     widened = with_half_widths(result, half_k, half_b)
-    return replace(widened, reasons=(text, *widened.reasons), hints=(*widened.hints, MEASURE))
+    hints = (*widened.hints, cause.hint) if cause.hint else widened.hints
+    return replace(widened, reasons=(text, *widened.reasons), hints=hints)
+
+
+def with_moving_contact(result: StiffnessResult) -> StiffnessResult:
+    """Return the result of a record whose position was corrected for a moving contact point.
+
+    The form of the motion in a press is not known, and the motion is a part of the velocity.
+    """
+    if result.k is None or result.b is None or result.k_high is None or result.b_high is None:
+        return result
+    by_form = LEVEL_95 * MOTION_FORM_ERROR * result.b
+    half_b = math.hypot(result.b_high - result.b, by_form)
+    return with_half_widths(result, result.k_high - result.k, half_b)
 
 
 def with_half_widths(

@@ -223,6 +223,29 @@ SHORTEST_CLIPPING = 3
 FEWEST_CLIPPED = 8
 """Smallest number of all samples at exactly the highest force that indicate saturation."""
 
+# Drift of the force out of contact
+
+LOWEST_FORCES = 1.0
+"""Percentile of the force between two deepest positions that counts as its minimum [%]."""
+FEWEST_FREE_SAMPLES = 8
+"""Smallest number of samples in a time out of contact."""
+SHORTEST_FREE_SPAN = 0.5
+"""Shortest time from the first to the last time out of contact, as a fraction of the record."""
+FEWEST_FREE_TIMES = {1: 2, 2: 3, 3: 5, 4: 7, 5: 8, 6: 10}
+"""Smallest number of times out of contact for a drift of each degree. A drift whose rate falls by
+95 % over the record is described within 0.001 of its change by degree 5, and 0.02 by degree 3."""
+FEWEST_SPARE_TIMES, LEAST_TREND = 4, 0.7
+"""Number of times out of contact besides the degree below which a drift must mainly rise, or mainly
+fall, and smallest difference between the last and the first of them, as a fraction of their range.
+"""
+DRIFT_ERRORS, FURTHER_DRIFT_ERRORS = 6.0, 2.0
+"""Smallest term of the highest degree of a drift, in standard deviations, and that of a higher
+degree if there is a drift: a term that is not needed costs less than one that is left out."""
+LARGEST_DRIFT_MISFIT = 0.5
+"""Largest difference of a force out of contact from the drift, in `level_width`."""
+LEAST_FREE_DRIFT = 0.005
+"""Smallest drift that is removed, as a fraction of the range of the force."""
+
 # Fit of the models in contact
 
 FEWEST_FIT_SAMPLES = 10
@@ -505,6 +528,10 @@ evidence (Kass and Raftery, J. American Statistical Association 90, 1995)."""
 BETTER_RESIDUAL = 1.05
 """Smallest ratio of the residuals with which another model is better than Kelvin-Voigt."""
 
+VISCOUS_SHARE = 0.2
+"""Largest stiffness, with its error, of a viscous body, relative to its damping divided by the time
+of the motion."""
+
 # Lost motion without a calibration
 
 FEWEST_LOST_MOTION_SAMPLES = 30
@@ -567,6 +594,28 @@ specimen moves the tip slowly, so that the force also changes there."""
 GAP_SIDE, GAP_SIDE_CHANGE = 4, 0.05
 """Smallest number of parts on each side of a gap whose slope is within this fraction of the median
 slope of the side."""
+
+# Contact point that moves
+
+FEWEST_PRESSES, MOST_KNOTS = 3, 20
+"""Smallest number of presses with which a motion of the contact point is sought, and largest number
+of positions that are fitted. With more presses, several have the same position."""
+SHARE_OF_ROWS = 0.25
+"""Largest number of these positions, as a fraction of the number of independent samples."""
+MOST_REVERSALS = 1.5
+"""Largest sum of all changes of the position, divided by their range, if it changes in a press."""
+MOVED_BIC = 10.0
+"""Smallest difference of the information criterion with which the motion is reported."""
+MOVED_RESIDUAL = 0.6
+"""Largest residual beyond the noise, relative to that with a contact point that rests."""
+NEGLIGIBLE_MISFIT = 0.6
+"""Largest residual beyond the noise, relative to that of the smoothed force, with which the motion
+is possible although relaxation describes the force as well."""
+MOTION_FORM_ERROR = 0.005
+"""Relative standard deviation of b because the form of the motion is not known. In 14 records of
+surfaces that recede exponentially, the error is 0.2 % (median), at most 0.9 %."""
+LEAST_MOVED_SHARE, MOVED_ERRORS = 0.002, 6.0
+"""Smallest range of the motion, as a fraction of the travel in contact, and in standard errors."""
 
 # Cycles of a short record
 

@@ -50,6 +50,8 @@ class Signals(NamedTuple):
     """Texts that describe the changes that were made to the samples on reading."""
     measured_step: float | None = None
     """Resolution of the position sensor [m] if `x` is computed from its values, see `step`."""
+    measured_force_step: float | None = None
+    """Resolution of the force sensor [N] if `f` is computed from its values, see `force_step`."""
     filter_delay: float = 0.0
     """Delay of the force filter by which the force was advanced [s]; 0 if it was not."""
 
@@ -57,6 +59,12 @@ class Signals(NamedTuple):
     def step(self) -> float:
         """Resolution of the position: its smallest step [m]; 0 if the position never changes."""
         return smallest_step(self.x) if self.measured_step is None else self.measured_step
+
+    @property
+    def force_step(self) -> float:
+        """Resolution of the force: its smallest step [N]; 0 if the force never changes."""
+        given = self.measured_force_step
+        return smallest_step(self.f) if given is None else given
 
 
 def periods(t: Floats) -> Floats:
