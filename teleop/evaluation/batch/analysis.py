@@ -430,7 +430,7 @@ def fitted(
     """
     resampled = resample(signals, transmission)
     record = smoothed_record(resampled)
-    phases = find_phases(record)
+    phases = find_phases(record, with_point=False)
     durations = [
         (phase.end - phase.start) * record.period
         for phase in phases.phases
@@ -441,13 +441,15 @@ def fitted(
     if widest < 0.8 * record.width:
         bandwidth = CORNER / max(widest, resampled.period)
         record = smoothed_record(resampled, bandwidth)
-        phases = find_phases(record)
+    phases = find_phases(record)
     local = other = None
     if record.band.coherence > 0.0:
         local = local_stiffness(record, phases, friction=friction)
     if local is not None:
         finer = smoothed_record(resampled, WIDER_BAND * bandwidth)
-        other = local_stiffness(finer, find_phases(finer), friction=friction)
+        at_finer = find_phases(finer, with_point=False)
+        at_finer = replace(at_finer, contact_point=phases.contact_point)
+        other = local_stiffness(finer, at_finer, friction=friction)
     result = stiffness_result(record, phases, local, other, transmission, faults)
     found = Analysis(record, phases, local, result, transmission)
     if contrary := contradiction(found):

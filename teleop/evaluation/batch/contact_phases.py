@@ -109,11 +109,12 @@ class Phases:
     """The phases in the order of time."""
 
 
-def find_phases(record: SmoothedRecord) -> Phases:
+def find_phases(record: SmoothedRecord, with_point: bool = True) -> Phases:
     """Divide a prepared record into phases of motion, and find the contact point.
 
     The phases are free motion, loading, holds and unloading. The contact point is the position at
-    which contact begins.
+    which contact begins. Its search takes most of the time, and is left out if `with_point` is
+    False.
     """
     x, f = record.x, record.f
     width = level_width(record)
@@ -129,7 +130,8 @@ def find_phases(record: SmoothedRecord) -> Phases:
         error = float(np.std(f[apart])) if apart.any() else spread
         contact = hysteresis(f - free_force, 0.5 * width, width)
         contact = without_short(contact, 2 * guard)
-        point = contact_point(record, contact, free_force, guard)
+        if with_point:
+            point = contact_point(record, contact, free_force, guard)
     inner = eroded(contact, guard) if free is not None else contact
     usable = inner.copy()
     ends = [*record.starts, len(usable)]
