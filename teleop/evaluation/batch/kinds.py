@@ -36,7 +36,8 @@ FURTHER_MEANING = {
 """Model of the estimators that have a parameter besides k and b, by the name of this parameter."""
 MEANING = {
     LOSS: "the equivalent viscous damping k''/omega at the frequency of the motion",
-    BESIDES_RELAXATION: "the damping besides relaxation and friction, at the depth of k",
+    BESIDES_RELAXATION: "the damping besides relaxation and friction, at the depth of k; "
+    "relaxation that is faster than the time constants counts as damping",
 }
 """Description of the kinds of damping of a result."""
 MEANING_OF_K = {

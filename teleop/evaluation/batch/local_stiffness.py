@@ -48,6 +48,7 @@ selection: an integral part of inference", Biometrics 53(2), 1997; D. Turek, D. 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -86,9 +87,12 @@ from teleop.evaluation.batch.thresholds import (
     LOADING_BAND,
     MISFIT_BANDS,
     MISFIT_NOISE,
+    NOISE_MARGIN,
     SAME_TIME_RATIO,
 )
 
+LAW_DEGREES, LAW_STEPS = DEGREES[1:4], 3
+"""Degrees of an elastic force that relaxes, and largest number of its improvements."""
 LARGEST_SCORE = 10.0
 """Distance from the mean beyond which a normal density is taken as 0 [standard deviations]."""
 
@@ -168,10 +172,7 @@ def local_stiffness(
         position = rows.normalised(record.raw_x)
         best = min(found, key=lambda one: one.bic)
         found += with_relaxation(rows, position, DEGREES[:3], best.bic)
-        best = min(found, key=lambda one: one.bic)
-        if best.degree > 1 and best.times:
-            elastic = rows.polynomial(best.theta[: rows.v_column + 1 + best.degree])
-            found += with_relaxation(rows, elastic, DEGREES[1:4], best.bic)
+        found += with_relaxing_law(rows, found)
     elif follows and phases.free_force is None:
         best = min(found, key=lambda one: one.bic)
         if best is not plain:
@@ -207,6 +208,30 @@ def local_stiffness(
         lag,
         curved_force(rows, best) if record.sinusoidal and phases.free_force is None else None,
     )
+
+
+def with_relaxing_law(rows: RegressionRows, found: Sequence[Candidate]) -> list[Candidate]:
+    """Return models in which the elastic force P(x) relaxes, and not only the position.
+
+    P(x) must be known for its relaxing parts. It is first that of the best model without
+    relaxation, and then that of the best model so far, as long as the fit becomes better. The
+    result is empty if a model that was found before leaves only noise.
+    """
+    noise = NOISE_MARGIN * rows.record.f_noise_smoothed
+    laws = [one for one in found if not one.times and one.degree in LAW_DEGREES]
+    law = min(laws, key=lambda one: one.bic, default=None)
+    new: list[Candidate] = []
+    for step in range(LAW_STEPS):
+        best = min([*found, *new], key=lambda one: one.bic)
+        if step and best.degree > 1:
+            law = best
+        if law is None or best.rms < noise:
+            break
+        elastic = rows.polynomial(law.theta[: rows.v_column + 1 + law.degree])
+        new += with_relaxation(rows, elastic, LAW_DEGREES, best.bic)
+        if step and not any(one.bic < best.bic - BETTER_BIC for one in new):
+            break
+    return new
 
 
 def inseparable_loss(rows: RegressionRows, best: Candidate) -> float | None:
