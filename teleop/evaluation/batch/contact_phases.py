@@ -46,7 +46,10 @@ from teleop.evaluation.batch.thresholds import (
     FEWEST_CLIPPED,
     FREE_TRAVEL,
     GUARD_WIDTHS,
+    JUMP_SLOPE,
+    JUMP_WIDTHS,
     LAG_FACTOR,
+    LARGEST_FLAT,
     LARGEST_HOLD_MOTION,
     LARGEST_PULL_NOISE,
     LEAST_ADHESION,
@@ -132,7 +135,11 @@ def find_phases(record: SmoothedRecord, with_point: bool = True) -> Phases:
         contact = without_short(contact, 2 * guard)
         if with_point:
             point = contact_point(record, contact, free_force, guard)
-    inner = eroded(contact, guard) if free is not None else contact
+    inner = contact.copy()
+    if free is not None:
+        inner = eroded(contact, guard)
+        for jump in jumps(record, contact):
+            inner[max(0, jump - guard) : jump + guard] = False
     usable = inner.copy()
     ends = [*record.starts, len(usable)]
     for end in ends if usable.sum() > LONG_RECORD_GUARDS * guard * len(ends) else ends[1:-1]:
@@ -144,6 +151,27 @@ def find_phases(record: SmoothedRecord, with_point: bool = True) -> Phases:
 def guard_of(record: SmoothedRecord) -> int:
     """Return the distance from contact up to which the smoothing changes the force [samples]."""
     return max(1, round(GUARD_WIDTHS * record.width / record.period))
+
+
+def jumps(record: SmoothedRecord, contact: NDArray[np.bool_]) -> list[int]:
+    """Return the samples at which the force jumps at the beginning or the end of a contact.
+
+    The force of a damped body is not zero at the beginning of contact. After the smoothing, the
+    force rises before it, and is steepest where it jumps.
+    """
+    reach = round(JUMP_WIDTHS * record.width / record.period)
+    found = []
+    for start, end in runs(contact):
+        begins = (start, 1) if start > 0 else None
+        ends = (end - 1, -1) if end < len(contact) else None
+        for edge, step in filter(None, (begins, ends)):
+            slopes = np.diff(record.f[edge : edge + step * reach : step][: end - start])
+            if len(slopes) < reach - 1:
+                continue
+            steepest = int(np.argmax(slopes))
+            if slopes[steepest] > JUMP_SLOPE * max(slopes[-1], 0.0):
+                found.append(edge + step * steepest)
+    return found
 
 
 def level_width(record: SmoothedRecord) -> float:
@@ -250,10 +278,12 @@ def free_and_saturated(
         if beside.sum() < 3:
             return found
         stiffness = float(np.median(rate[beside] / v[beside]))
-        allowed = FREE_TRAVEL * width / max(stiffness, 1e-300)
-        if not top or b > 0.0:  # the peak of a force that lags is not earlier
-            allowed += LAG_FACTOR * lag
+        least = FREE_TRAVEL * width / max(stiffness, 1e-300)
         for start, end in runs(level):
+            # the trough of a force that lags is round, and its peak is not earlier
+            is_flat = not top and abs(peak_height(f[start:end])) < LARGEST_FLAT * width
+            lags = b > 0.0 if top else not is_flat
+            allowed = least + (LAG_FACTOR * lag if lags else 0.0)
             is_peak = top and peak_height(f[start:end]) > LEAST_PEAK * width
             # The level is open on one side. In a peak or trough that is larger than the others, or
             # beside a gap, the force is beyond it, but not constant.
@@ -292,8 +322,9 @@ def adhesion(record: SmoothedRecord) -> float | None:
     """
     x, f = record.x, record.f
     out = f[x <= x.min() + OUT_OF_CONTACT_TRAVEL * float(np.ptp(x))]
-    lowest, span = float(f.min()), float(np.ptp(f))
-    if lowest == out.min() or float(np.std(out)) > CONSTANT_FREE_FORCE * span:
+    inside = slice(guard_of(record), -guard_of(record))  # at the ends, there is more noise
+    lowest, span = float(f[inside].min(initial=np.median(f))), float(np.ptp(f))
+    if lowest >= out.min() or float(np.std(out)) > CONSTANT_FREE_FORCE * span:
         return None
     level = float(np.median(out))
     pull = level - lowest

@@ -13,6 +13,7 @@ removed looks like each of these, because it changes the force in contact from p
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -74,11 +75,25 @@ class FreeTime(NamedTuple):
 
 
 def find_drift(record: SmoothedRecord) -> ForceDrift | None:
-    """Return the drift of the force out of contact; None if it is not significant."""
+    """Return the drift of the force out of contact; None if it is not significant.
+
+    The search is repeated without the drift that was found: a time out of contact with a large
+    drift is only found then.
+    """
     free = times_out_of_contact(record)
+    drift = fitted_drift(record, free)
+    if drift is not None:
+        f = record.f - drift.polynomial(record.t)
+        free = times_out_of_contact(replace(record, f=f))
+        drift = fitted_drift(record, free) or drift
     whole = float(record.t[-1] - record.t[0])
-    if len(free) < 2 or free[-1].t - free[0].t < SHORTEST_FREE_SPAN * whole:
+    if drift is None or free[-1].t - free[0].t < SHORTEST_FREE_SPAN * whole:
         return None
+    return drift
+
+
+def fitted_drift(record: SmoothedRecord, free: list[FreeTime]) -> ForceDrift | None:
+    """Return the polynomial of the highest significant degree; None if there is none."""
     found = None
     for degree, fewest in FEWEST_FREE_TIMES.items():
         if len(free) >= fewest:

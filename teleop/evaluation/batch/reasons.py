@@ -290,7 +290,9 @@ def reasons_before_fit(record: SmoothedRecord, phases: Phases) -> list[Reason]:
                     "sensor that does not resolve the indentation"
                 )
             )
-        elif phases.free_force is not None and travel < LEAST_DEPTH * float(np.ptp(record.x)):
+        elif phases.free_force is not None and float(
+            np.ptp(record.x[phases.contact])
+        ) < LEAST_DEPTH * float(np.ptp(record.x)):
             found.append(
                 Reason(
                     f"in contact the position moves by {travel * 1e6:.3g} um of "

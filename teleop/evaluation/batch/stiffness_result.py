@@ -51,6 +51,7 @@ from teleop.evaluation.batch.reasons import (
 )
 from teleop.evaluation.batch.smoothed_record import SmoothedRecord
 from teleop.evaluation.batch.thresholds import (
+    CONSTANT_RESIDUAL,
     LARGEST_LAG_EFFECT,
     LARGEST_PHASE_DRIFT,
     LEAST_AMPLITUDE_FOR_B,
@@ -278,6 +279,8 @@ def stiffness_result(
     # the force of a mass changes the slopes of cycles of different frequencies
     cycles = cycles_of(replace(record, f=local.best.force_without_mass(record)), phases)
     change = change_over_cycles(cycles)
+    if not local.best.times and local.best.rms < CONSTANT_RESIDUAL * record.f_noise_smoothed:
+        change = None  # one law of the depth describes all cycles
     drift = drift_of_lag(cycles)
     where = measured_point(record, phases, local, half_k)
     against = reasons_after_fit(record, phases, local, half_k)

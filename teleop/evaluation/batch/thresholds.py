@@ -193,6 +193,9 @@ SHORTEST_HOLD = 0.33
 GUARD_WIDTHS = 3.5
 """Samples nearer than this distance to the beginning or end of a contact are not fitted. The unit
 is the standard deviation of the smoothing kernel."""
+JUMP_WIDTHS, JUMP_SLOPE = 4.5, 2.0
+"""Distance from the beginning or end of a contact in which the force can jump, in standard
+deviations of the smoothing kernel, and smallest slope there, relative to that at this distance."""
 LONG_RECORD_GUARDS = 4
 """Samples near the start and the end of a record (nearer than `GUARD_WIDTHS`) are not fitted if the
 record is long. The record is long if it has more than `LONG_RECORD_GUARDS` times this number of
@@ -202,6 +205,9 @@ FREE_TRAVEL = 4.0
 multiple of the travel that the stiffness of the specimen permits."""
 LAG_FACTOR = 1.5
 """Safety factor on the travel between a peak of the force and the later peak of the position."""
+LARGEST_FLAT = 0.15
+"""Largest depth of a trough (`peak_height`) whose force counts as flat, as a fraction of the
+parameter `width` of `free_and_saturated`. It is 4/9 for a round trough."""
 LEAST_MOVED = 0.5
 """The travel is computed from the position without its baseline. The position with its baseline
 must travel at least this fraction of the required travel. Otherwise the tip is at rest, and only
@@ -464,6 +470,9 @@ TREMOR_TRAVEL = 0.25
 LEAST_CHANGE = 0.1
 """Smallest relative change of the stiffness that is reported. In 260 records of 13 kinds with a
 constant stiffness, limits of 0.08 and 0.15 give the same number of false alarms (none)."""
+CONSTANT_RESIDUAL = 1.3
+"""Largest residual of a law that does not change over time, in standard deviations of the noise of
+the smoothed force, with which cycles of different stiffness are those of different depth."""
 DEPTH_EXPLAINS = 0.8
 """Smallest share of the variance of the stiffness of the cycles that a dependence on the depth of
 the cycle explains."""
