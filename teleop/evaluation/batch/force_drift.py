@@ -29,12 +29,12 @@ from teleop.evaluation.batch.thresholds import (
     FEWEST_FREE_SAMPLES,
     FEWEST_FREE_TIMES,
     FEWEST_SPARE_TIMES,
-    FURTHER_DRIFT_ERRORS,
     LARGEST_DRIFT_MISFIT,
     LEAST_FREE_DRIFT,
     LEAST_TREND,
     LOWEST_FORCES,
     SHORTEST_FREE_SPAN,
+    TERM_ERRORS,
 )
 from teleop.evaluation.reading.signals import Signals
 
@@ -97,8 +97,7 @@ def fitted_drift(record: SmoothedRecord, free: list[FreeTime]) -> ForceDrift | N
     found = None
     for degree, fewest in FEWEST_FREE_TIMES.items():
         if len(free) >= fewest:
-            least = FURTHER_DRIFT_ERRORS if found else DRIFT_ERRORS
-            found = polynomial_drift(record, free, degree, least) or found
+            found = polynomial_drift(record, free, degree) or found
     return found
 
 
@@ -130,9 +129,9 @@ def times_out_of_contact(record: SmoothedRecord) -> list[FreeTime]:
 
 
 def polynomial_drift(
-    record: SmoothedRecord, free: list[FreeTime], degree: int, least: float
+    record: SmoothedRecord, free: list[FreeTime], degree: int
 ) -> ForceDrift | None:
-    """Return a drift of a degree; None if its term is below `least` standard deviations.
+    """Return a drift of a degree; None if it or its term of this degree is not significant.
 
     The result is also None if the drift is small, or if it does not describe all times out of
     contact: at one of them, there may be contact. For the same reason, a polynomial that few times
@@ -146,7 +145,7 @@ def polynomial_drift(
     along = orthogonal.T @ (force / error)
     rest = force / error - orthogonal @ along
     scale = math.sqrt(max(1.0, float(rest @ rest) / max(len(t) - degree - 1, 1)))
-    if abs(along[-1]) < least * scale:
+    if np.linalg.norm(along[1:]) < DRIFT_ERRORS * scale or abs(along[-1]) < TERM_ERRORS * scale:
         return None
     if (np.abs(rest) * error > LARGEST_DRIFT_MISFIT * level_width(record)).any():
         return None

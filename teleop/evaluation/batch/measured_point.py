@@ -32,12 +32,13 @@ from teleop.evaluation.batch.thresholds import (
     FEWEST_SLOPE_CYCLES,
     GAP_NEAR,
     GAP_PARTS,
+    GAP_SCATTER,
     GAP_SIDE,
     GAP_SIDE_CHANGE,
-    GAP_SLOPE,
     INNER_FORCE,
     LARGEST_DIFFERENCE,
     LARGEST_SLOPE_SCATTER,
+    LEAST_GAP_DIP,
     LEAST_SLOPE_DIFFERENCE,
     POINT_DISTANCE,
 )
@@ -220,19 +221,25 @@ def gap_at(record: SmoothedRecord, phases: Phases, local: LocalStiffness) -> Rea
     position = local.best.position
     low, high = (float(one) for one in np.percentile(record.x[phases.usable], [2.0, 98.0]))
     grid = np.linspace(low, high, GAP_PARTS + 1)
-    elastic = record.f - local.b * record.v
-    loadings = []
+    found: dict[str, list[Floats]] = {"loading": [], "unloading": []}
     for phase in phases.phases:
         part = np.arange(phase.start, phase.end)[phases.usable[phase.start : phase.end]]
-        if phase.name == "loading" and 2 * len(part) > GAP_PARTS:
+        if phase.name in found and 2 * len(part) > GAP_PARTS:
+            part = part if phase.name == "loading" else part[::-1]
             x = np.maximum.accumulate(record.x[part])
             if x[0] < grid[GAP_SIDE] and x[-1] > grid[-1 - GAP_SIDE]:
-                loadings.append(np.interp(grid, x, elastic[part], np.nan, np.nan))
-    if len(loadings) < FEWEST_GAP_LOADINGS:
+                signals = (record.f[part], record.v[part])
+                found[phase.name].append(
+                    np.array([np.interp(grid, x, one, np.nan, np.nan) for one in signals])
+                )
+    if min(map(len, found.values())) < FEWEST_GAP_LOADINGS:
         return None
     with warnings.catch_warnings():  # a part that no loading contains has no slope
         warnings.simplefilter("ignore", RuntimeWarning)
-        slopes = np.nanmedian(np.diff(loadings, axis=1), axis=0) / (grid[1] - grid[0])
+        (f, v), (f_back, v_back) = (np.nanmedian(one, axis=0) for one in found.values())
+        # the damping need not be known: both directions together give the force without it
+        elastic = f - v * (f - f_back) / (v - v_back)
+    slopes = np.diff(elastic) / (grid[1] - grid[0])
     places, slopes = (
         (0.5 * (grid[1:] + grid[:-1]))[np.isfinite(slopes)],
         slopes[np.isfinite(slopes)],
@@ -241,13 +248,15 @@ def gap_at(record: SmoothedRecord, phases: Phases, local: LocalStiffness) -> Rea
     first = max(at - GAP_NEAR, 0)
     least = first + int(np.argmin(slopes[first : at + GAP_NEAR + 1]))
     sides = []
-    for side in (slopes[:least], slopes[least + 1 :]):
-        steep = float(np.median(side)) if len(side) else math.nan
+    for side in (slopes[:least], slopes[:least:-1]):  # from the ends of the travel
+        outer = side[: (len(side) + 1) // 2]
+        steep = float(np.median(outer)) if len(side) else math.nan
         if np.count_nonzero(np.abs(side - steep) < GAP_SIDE_CHANGE * abs(steep)) < GAP_SIDE:
             return None
+        scatter = 1.4826 * float(np.median(np.abs(outer - steep))) / steep
+        if not slopes[least] < (1.0 - max(LEAST_GAP_DIP, GAP_SCATTER * scatter)) * steep:
+            return None
         sides.append(steep)
-    if not slopes[least] < GAP_SLOPE * min(sides):
-        return None
     flat = places[slopes < 0.5 * (slopes[least] + min(sides))]
     return Reason(
         f"the stiffness is not determined: it would be stated at {position * 1e3:.4g} mm, and "

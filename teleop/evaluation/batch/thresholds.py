@@ -244,9 +244,9 @@ FEWEST_SPARE_TIMES, LEAST_TREND = 4, 0.7
 """Number of times out of contact besides the degree below which a drift must mainly rise, or mainly
 fall, and smallest difference between the last and the first of them, as a fraction of their range.
 """
-DRIFT_ERRORS, FURTHER_DRIFT_ERRORS = 6.0, 2.0
-"""Smallest term of the highest degree of a drift, in standard deviations, and that of a higher
-degree if there is a drift: a term that is not needed costs less than one that is left out."""
+DRIFT_ERRORS, TERM_ERRORS = 6.0, 2.0
+"""Smallest drift, and smallest term of its highest degree, in standard deviations. A term that is
+not needed costs less than one that is left out."""
 LARGEST_DRIFT_MISFIT = 0.5
 """Largest difference of a force out of contact from the drift, in `level_width`."""
 LEAST_FREE_DRIFT = 0.005
@@ -597,9 +597,10 @@ FEWEST_GAP_LOADINGS = 2
 """Smallest number of loadings over most of the travel."""
 GAP_NEAR = 3
 """Largest distance of a gap from the point of k [parts]."""
-GAP_SLOPE = 0.8
-"""Largest slope in a gap, relative to the slopes on both sides. In a gap, the damping of the
-specimen moves the tip slowly, so that the force also changes there."""
+LEAST_GAP_DIP, GAP_SCATTER = 0.06, 6.0
+"""Smallest decrease of the slope in a gap, as a fraction of the slopes on both sides, and in
+standard deviations of these. In a gap, the damping of the specimen moves the tip slowly, so that
+the force also changes there."""
 GAP_SIDE, GAP_SIDE_CHANGE = 4, 0.05
 """Smallest number of parts on each side of a gap whose slope is within this fraction of the median
 slope of the side."""
