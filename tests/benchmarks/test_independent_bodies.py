@@ -167,7 +167,7 @@ def test_a_refusal_is_needless_only_if_a_stiffness_exists():
 
 def test_the_claims_of_a_remark_are_judged_one_by_one():
     text = "Kelvin-Voigt is insufficient: the stiffness depends on depth (degree 3) and force "
-    text += "relaxes (0.2 s); residual 2 N, and 1 N with that in the model"
+    text += "relaxes (0.2 s); residual 2 N, and 1 N if the model contains this"
     first, second = independent.claims(text)
     assert ("depends on depth" in first, "relaxes" in first) == (True, False)
     assert ("depends on depth" in second, "relaxes" in second) == (False, True)

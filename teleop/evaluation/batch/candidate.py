@@ -161,9 +161,13 @@ class Candidate(NamedTuple):
         )
 
     @property
+    def extended(self) -> int:
+        """Number of columns of the extensions."""
+        return sum(len(one.columns) for one in self.extensions)
+
+    @property
     def _first_relaxing(self) -> int:
-        extended = sum(len(one.columns) for one in self.extensions)
-        return len(self.theta) - extended - len(self.relaxing)
+        return len(self.theta) - self.extended - len(self.relaxing)
 
     @property
     def change_of_stiffness(self) -> float:

@@ -58,8 +58,10 @@ from scipy.special import ndtr
 
 from estimation.arrays import Floats
 from estimation.autocorrelation import effective_samples
+from estimation.batch_models.relaxation import relaxing_part
 from estimation.estimator import LEVEL_95
 from estimation.robust_error import robust_fit
+from estimation.stiffening import Interval
 from teleop.evaluation.batch.candidate import (
     DEPTH_DAMPING,
     FRICTION,
@@ -93,6 +95,8 @@ from teleop.evaluation.batch.thresholds import (
 
 LAW_DEGREES, LAW_STEPS = DEGREES[1:4], 3
 """Degrees of an elastic force that relaxes, and largest number of its improvements."""
+LARGEST_TIME_ERROR = math.log(100.0)
+"""Largest half width of the interval of the logarithm of a time constant. It is not determined."""
 LARGEST_SCORE = 10.0
 """Distance from the mean beyond which a normal density is taken as 0 [standard deviations]."""
 
@@ -129,6 +133,8 @@ class LocalStiffness:
     loss_force: float | None = None
     """Force of friction and damping together [N], if the speed hardly changes, so that they cannot
     be separated; None if the speed changes."""
+    times: tuple[Interval, ...] = ()
+    """Time constants of the relaxing parts of `best` [s]."""
     lag: ForceLag | None = None
     """Lag of the force that describes it at least as well as the relaxing parts of `best`."""
     curved: Floats | None = None
@@ -205,6 +211,7 @@ def local_stiffness(
         math.nan if rows.relaxation else record.frequency,
         loading_tangent(rows, best) if best.part(DEPTH_DAMPING) else None,
         inseparable_loss(rows, best),
+        relaxation_times(rows, best, found),
         lag,
         curved_force(rows, best) if record.sinusoidal and phases.free_force is None else None,
     )
@@ -339,14 +346,56 @@ def has_friction(rows: RegressionRows, best: Candidate) -> bool:
     return bool(np.std(rows.fits.fit(columns).residual) < FRICTION_RESIDUAL * best.rms)
 
 
-def reported_times(times: tuple[float, ...]) -> tuple[float, ...]:
-    """Return the time constants of the relaxing parts [s] in the form in which they are reported.
+def relaxation_times(
+    rows: RegressionRows, best: Candidate, others: Sequence[Candidate]
+) -> tuple[Interval, ...]:
+    """Return the time constants of the relaxing parts of a model [s] with their 95 % intervals.
 
-    If there are two and their ratio is below `SAME_TIME_RATIO`, the result is their geometric mean.
+    The intervals contain the time constants of the other models with as many relaxing parts that
+    are not clearly worse. The derivatives of the relaxing parts z to the logarithms of the time
+    constants are further regressors. The derivative w of z to tau satisfies w' = z / tau^2 - w /
+    tau.
     """
-    if len(times) == 2 and max(times) < SAME_TIME_RATIO * min(times):
-        return (math.sqrt(times[0] * times[1]),)
-    return times
+    if not best.times or best.is_storage:
+        return ()
+    record = rows.record
+    coefficients = best.theta[len(best.theta) - best.extended - len(best.relaxing) :]
+    derivatives = []
+    for i, (tau, z) in enumerate(zip(best.times, best.relaxing, strict=False)):
+        pieces = [np.cumsum(piece) for piece in np.split(z / tau, record.starts[1:])]
+        pieces = [record.period * (piece - piece[0]) for piece in pieces]
+        change = coefficients[i] * relaxing_part(pieces, record.period, tau)
+        if len(best.relaxing) > len(best.times):  # what arose before the record decays
+            decay = best.relaxing[len(best.times) + i]
+            change = change + coefficients[len(best.times) + i] * decay * record.clock / tau
+        derivatives.append(change[rows.index])
+    extensions = [column for one in best.extensions for column in one.columns]
+    fit = rows.fit(best.degree, best.relaxing, [*extensions, *derivatives])
+    units = np.eye(len(fit.theta))[-len(derivatives) :]
+    errors = [LEVEL_95 * fit.deviation(unit, rows.cycles) for unit in units]
+    similar = [
+        one.times
+        for one in others
+        if len(one.times) == len(best.times) and one.bic < best.bic + BETTER_BIC
+    ]
+    apart = np.abs(np.log(np.array(similar) / best.times)).max(axis=0)
+    return time_intervals(best.times, np.hypot(errors, apart).tolist())
+
+
+def time_intervals(times: Sequence[float], errors: Sequence[float]) -> tuple[Interval, ...]:
+    """Return time constants [s] with their 95 % intervals, from the errors of their logarithms.
+
+    If there are two whose ratio is below `SAME_TIME_RATIO`, the result is their geometric mean.
+    """
+    found = sorted(zip(times, errors, strict=True))
+    if len(found) == 2 and found[1][0] < SAME_TIME_RATIO * found[0][0]:
+        (short, first), (long, second) = found
+        found = [(math.sqrt(short * long), 0.5 * math.log(long / short) + max(first, second))]
+    factors = [math.exp(min(error, LARGEST_TIME_ERROR)) for _, error in found]
+    return tuple(
+        Interval(tau, tau / factor, tau * factor)
+        for (tau, _), factor in zip(found, factors, strict=True)
+    )
 
 
 def model_weights(found: list[Candidate]) -> Floats:

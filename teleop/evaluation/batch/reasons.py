@@ -9,13 +9,14 @@ from estimation.arrays import Floats
 from estimation.baseline import BELOW
 from estimation.estimator import LEVEL_95
 from estimation.quantities import DAMPING, STIFFNESS
+from estimation.stiffening import Interval
 from estimation.transmission import TransmissionCalibration
 from teleop.evaluation.batch.candidate import FRICTION
 from teleop.evaluation.batch.constancy import Change, LagDrift, rise_at_rest
 from teleop.evaluation.batch.contact_phases import Phases, adhesion, pull_off_force
 from teleop.evaluation.batch.depth import surface
 from teleop.evaluation.batch.extension_texts import phrases
-from teleop.evaluation.batch.local_stiffness import LocalStiffness, reported_times
+from teleop.evaluation.batch.local_stiffness import LocalStiffness
 from teleop.evaluation.batch.masks import runs
 from teleop.evaluation.batch.sampling_checks import impossible_lag, opposite_signs
 from teleop.evaluation.batch.smoothed_record import SmoothedRecord
@@ -31,6 +32,7 @@ from teleop.evaluation.batch.thresholds import (
     FREE_SPEED,
     LARGEST_CHANGE_BY_LAG,
     LARGEST_STOP_TRAVEL,
+    LARGEST_TIME_RATIO,
     LARGEST_ZERO_FORCE,
     LEAST_CONTACT_MOTION,
     LEAST_CREEP,
@@ -390,7 +392,7 @@ def remarks(
     ):
         what = phrases(local, surface(record, phases, local), record.sinusoidal)
         if best.times and not local.lag:
-            times = ", ".join(f"{tau:.2g} s" for tau in reported_times(best.times))
+            times = ", ".join(time_text(tau) for tau in local.times)
             similar = ""
             if best.rms > RELAXATION_MISFIT * record.f_noise_smoothed:
                 similar += f", or {SOFTENING}"
@@ -401,7 +403,7 @@ def remarks(
             found.append(
                 Reason(
                     f"Kelvin-Voigt is insufficient: {' and '.join(what)}; residual {plain.rms:.2g} "
-                    f"N, and {best.rms:.2g} N with that in the model"
+                    f"N, and {best.rms:.2g} N if the model contains this"
                 )
             )
     found += contact_remarks(record, local)
@@ -426,6 +428,13 @@ def remarks(
             )
         )
     return found
+
+
+def time_text(tau: Interval) -> str:
+    """Return the text of a time constant [s] with its interval, if it is determined."""
+    if tau.high > LARGEST_TIME_RATIO * tau.value:
+        return f"about {tau.value:.1g} s"
+    return f"{tau.value:.2g} s [{tau.low:.2g}, {tau.high:.2g}]"
 
 
 def no_damping(
@@ -460,9 +469,10 @@ def no_damping(
     if local.b + half_b < 0.0:
         if local.best.times:
             return Reason(
-                f"damping is not resolved beside the relaxation of the force: it is negative "
-                f"({DAMPING.text(local.b, '.3g')}), as with a lag of the force of "
-                f"{-local.b / local.k * 1e3:.2g} ms",
+                f"damping is not determined: beside the relaxation of the force, it is negative "
+                f"({DAMPING.text(local.b, '.3g')}). A lag of the force of "
+                f"{-local.b / local.k * 1e3:.2g} ms has this effect, and so has a relaxation that "
+                "the model does not describe",
                 LAG,
             )
         # besides relaxation, b is not the loss at a frequency, and shows no phase

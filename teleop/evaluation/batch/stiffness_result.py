@@ -36,7 +36,7 @@ from teleop.evaluation.batch.depth import elastic_force, surface, zero_of_depth
 from teleop.evaluation.batch.extension_texts import NO_PARTS, described
 from teleop.evaluation.batch.interference import interference
 from teleop.evaluation.batch.kinds import BESIDES_RELAXATION, LOSS, STORAGE, TANGENT
-from teleop.evaluation.batch.local_stiffness import LocalStiffness, reported_times
+from teleop.evaluation.batch.local_stiffness import LocalStiffness
 from teleop.evaluation.batch.lost_motion import LostMotion
 from teleop.evaluation.batch.measured_point import Point, gap_at, measured_point
 from teleop.evaluation.batch.reasons import (
@@ -108,8 +108,8 @@ class StiffnessResult:
     secant_change: float | None = None
     """Relative change of the secant stiffness that an error of `DATUM_ERROR` in the zero of the
     position causes; None if `secant` is None."""
-    times: tuple[float, ...] = field(default=())
-    """Relaxation time constants of the best model [s]."""
+    times: tuple[Interval, ...] = ()
+    """Relaxation time constants of the best model, with their 95 % intervals [s]."""
     depth_error: float = 0.0
     """Half width of the 95 % interval of the contact point [m]; 0 if `depth` is not measured from
     a contact point."""
@@ -212,7 +212,8 @@ class StiffnessResult:
             "secant_n_per_m": document.pop("secant"),
             "secant_change_per_0.1mm": document.pop("secant_change"),
         }
-        document["relaxation_times_s"] = list(document.pop("times"))
+        del document["times"]
+        document["relaxation_times_s"] = [one._asdict() for one in self.times]
         return document
 
 
@@ -278,10 +279,9 @@ def stiffness_result(
             local, half_b = replace(local, b=lock_in.loss / omega), half
     # the force of a mass changes the slopes of cycles of different frequencies
     cycles = cycles_of(replace(record, f=local.best.force_without_mass(record)), phases)
-    change = change_over_cycles(cycles)
+    change, drift = change_over_cycles(cycles), drift_of_lag(cycles)
     if not local.best.times and local.best.rms < CONSTANT_RESIDUAL * record.f_noise_smoothed:
-        change = None  # one law of the depth describes all cycles
-    drift = drift_of_lag(cycles)
+        change = drift = None  # one law of the depth describes all cycles
     where = measured_point(record, phases, local, half_k)
     against = reasons_after_fit(record, phases, local, half_k)
     if change and (against or change.with_frequency):
@@ -359,7 +359,6 @@ def stiffness_result(
     lowest = "lowest position" if phases.free_force is None else "lowest position in contact"
     depth_from = "contact point" if point else lowest
     reasons, hints = texts_and_hints(found)
-    times = reported_times(local.best.times)
     return StiffnessResult(
         k=local.k,
         k_low=local.k - half_k,
@@ -376,7 +375,7 @@ def stiffness_result(
         secant=secant,
         secant_change=secant_change,
         # a change of the stiffness looks like a relaxation
-        times=() if local.lag or local.best.is_storage or change else times,
+        times=() if local.lag or change else local.times,
         depth_error=0.5 * (point.high - point.low) if point else 0.0,
         depth_from=depth_from,
         b_reason=unusable.text if unusable else "",

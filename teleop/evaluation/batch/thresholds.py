@@ -280,6 +280,9 @@ This value is the median error of k for synthetic records without noise
 (`estimation.testing_records`). For a model without relaxing parts the error is zero, because such a
 model holds exactly for the smoothed signals.
 """
+LARGEST_TIME_RATIO = 3.0
+"""Largest upper end of the interval of a time constant, relative to its value, with which the
+interval is printed. Beyond it, only the order of magnitude is known."""
 LEAST_R2_FOR_RELAXATION = 0.9
 """If the baseline contains cosines, relaxing parts and extensions are fitted only if R^2 without
 them exceeds this value. A larger misfit is not caused by relaxation: the baseline describes slow

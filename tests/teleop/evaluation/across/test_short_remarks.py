@@ -18,7 +18,7 @@ from teleop.evaluation.batch.stiffness_result import StiffnessResult
     [
         (
             "Kelvin-Voigt is insufficient: the stiffness depends on depth (degree 3) and force "
-            "relaxes (0.2 s, 1.1 s); residual 0.12 N, and 0.03 N with that in the model",
+            "relaxes (0.2 s, 1.1 s); residual 0.12 N, and 0.03 N if the model contains this",
             "Kelvin-Voigt is insufficient: the stiffness depends on depth and force relaxes",
         ),
         ("adhesion: the force falls by 0.2 N below its level out of contact", "adhesion"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -10,8 +11,8 @@ from scipy.signal import lfilter
 
 from estimation.transmission import TransmissionCalibration
 from teleop.evaluation.batch.analysis import analyse
-from teleop.evaluation.batch.local_stiffness import reported_times
-from teleop.evaluation.batch.reasons import reasons_after_fit
+from teleop.evaluation.batch.local_stiffness import time_intervals
+from teleop.evaluation.batch.reasons import reasons_after_fit, time_text
 from teleop.evaluation.reading.signals import Signals, periods
 from teleop.output.result_tables import parameter_text, with_half
 from teleop.settings.trial_settings import TrialSettings
@@ -75,8 +76,13 @@ def relaxation(record):
 
 
 def test_two_nearly_equal_time_constants_are_one():
-    assert reported_times((6.3, 6.6)) == (pytest.approx(6.45, rel=1e-3),)
-    assert reported_times((0.3, 6.0)) == (0.3, 6.0)
+    (one,) = time_intervals((6.3, 6.6), (0.01, 0.02))
+    assert one.value == pytest.approx(6.45, rel=1e-3)
+    assert one.low < 6.3 < 6.6 < one.high
+    first, second = time_intervals((0.3, 6.0), (0.1, math.inf))
+    assert first == pytest.approx((0.3, 0.271, 0.332), abs=1e-3)
+    assert time_text(first) == "0.3 s [0.27, 0.33]"
+    assert time_text(second) == "about 6 s"
 
 
 def test_offset_and_drift_of_a_short_contact_are_not_identifiable():
