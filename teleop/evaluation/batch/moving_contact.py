@@ -170,14 +170,15 @@ def find_moving_contact(
     if range_ < max(LEAST_MOVED_SHARE * models.travel, MOVED_ERRORS * models.error(best)):
         return None
     left, before = beyond_noise(best), beyond_noise(resting_best)
-    softening = [*models.fits(moves=False, relaxes=False), *models.fits(moves=False, relaxes=True)]
-    least = min(
-        criterion(n, resting_best.rms, resting_best.parameters),
-        *(one.criterion(n) for one in softening),
-    )
-    better = least - best.criterion(n)
-    if better > MOVED_BIC and left < MOVED_RESIDUAL * before:
-        return MovingContact(best.over_presses, is_certain=True)
+    most = best.criterion(n) + MOVED_BIC
+    if left < MOVED_RESIDUAL * before and most < criterion(
+        n, resting_best.rms, resting_best.parameters
+    ):
+        softening = models.fits(moves=False, relaxes=False)
+        softening += models.fits(moves=False, relaxes=True)
+        if all(most < one.criterion(n) for one in softening):
+            return MovingContact(best.over_presses, is_certain=True)
+        return None
     values = best.over_presses.values
     relaxes = resting_best.times and values[-1] - values[0] > 0.5 * range_
     if relaxes and left <= max(before, NEGLIGIBLE_MISFIT * noise):
