@@ -24,6 +24,7 @@ from teleop.evaluation.batch.thresholds import (
     FEWEST_SLOPE_SAMPLES,
     FRICTION_FORM_ERROR,
     LEAST_SLOPE_STEP_NOISE,
+    NOTABLE_STIFFENING,
     SLOPE_BAND,
     SMOOTHING_ERROR,
 )
@@ -175,6 +176,16 @@ class Candidate(NamedTuple):
         order = np.arange(1, self.degree + 1)
         slopes = np.linspace(-0.5, 0.5, 11)[:, None] ** (order - 1) @ (order * self.powers)
         return float(np.ptp(slopes) / max(abs(float(slopes.mean())), 1e-300))
+
+    @property
+    def stiffens(self) -> bool:
+        """Whether the stiffness changes notably with depth, by the polynomial or at a knot."""
+        knot = self.part(KNOT)
+        if knot is not None:
+            low, high = sorted(one.value for one in knot.values[1:])
+            if high > (1.0 + NOTABLE_STIFFENING) * low:
+                return True
+        return self.change_of_stiffness > NOTABLE_STIFFENING
 
     def force_without_mass(self, record: SmoothedRecord) -> Floats:
         """Return the force of a record without that of the mass of this model [N], shape (n,)."""

@@ -22,7 +22,6 @@ from teleop.evaluation.batch.thresholds import (
     LEAST_LAYER_RATIO,
     LEAST_LEVEL_WIDTH,
     MOST_LAYER_DEGREE,
-    NOTABLE_STIFFENING,
 )
 
 NO_PARTS: dict[str, Any] = {
@@ -63,15 +62,6 @@ def free_motion(best: Candidate) -> FittedPart | None:
     softer = after > FLAT_LAYER_RATIO * before
     flat = softer and best.share_before_knot < LEAST_LEVEL_WIDTH
     return knot if flat or after >= LARGEST_LAYER_RATIO * before else None
-
-
-def changes_at_knot(best: Candidate) -> bool:
-    """Return whether the best model has a knot at which the stiffness changes notably."""
-    knot = best.part(KNOT)
-    if knot is None:
-        return False
-    low, high = sorted(one.value for one in knot.values[1:])
-    return high > (1.0 + NOTABLE_STIFFENING) * low
 
 
 def described(local: LocalStiffness, zero: float, surface: Value, level: float) -> dict[str, Any]:
@@ -129,7 +119,7 @@ def phrases(local: LocalStiffness, surface: Value, sinusoidal: bool) -> list[str
             f"interval {low:.4g} to {high:.4g}): {STIFFNESS.text(before.value, '.4g')} before, "
             f"{STIFFNESS.text(after.value, '.4g')} after"
         )
-    elif best.change_of_stiffness > NOTABLE_STIFFENING or changes_at_knot(best):
+    elif local.stiffens:
         found.append(f"the stiffness depends on depth (degree {best.degree})")
     if part := best.part(DEPTH_DAMPING):
         low_b, _, high_b = part.values

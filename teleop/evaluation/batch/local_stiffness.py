@@ -124,6 +124,9 @@ class LocalStiffness:
     """Number of nearly independent samples that were fitted."""
     r2: float
     """R^2 of the best candidate, for the force minus its baseline."""
+    stiffens: bool
+    """Whether the stiffness changes notably with depth, in all models that are not clearly worse
+    than the best one."""
     friction: bool
     """Whether a force of constant size against the motion describes the loss better than b v."""
     frequency: float
@@ -207,6 +210,7 @@ def local_stiffness(
         float(np.ptp(np.percentile(slow, BASELINE_PERCENTILES))) if rows.order else 0.0,
         len(rows.f),
         explained(rows, [best]),
+        all(one.stiffens for one in found if one.bic < best.bic + BETTER_BIC),
         has_friction(rows, best),
         math.nan if rows.relaxation else record.frequency,
         loading_tangent(rows, best) if best.part(DEPTH_DAMPING) else None,
