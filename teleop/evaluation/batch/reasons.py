@@ -308,6 +308,8 @@ def reasons_after_fit(
     record: SmoothedRecord, phases: Phases, local: LocalStiffness, half_k: float
 ) -> list[Reason]:
     """Return the reasons why a fitted stiffness is not reported; empty if there are none."""
+    if reason := viscous_body(record, phases, local, half_k):
+        return [reason]
     if local.k + half_k < 0.0:
         return [
             Reason(
@@ -324,8 +326,6 @@ def reasons_after_fit(
                 "stop, slip, or a specimen that changes"
             )
         ]
-    if reason := viscous_body(record, phases, local, half_k):
-        return [reason]
     if half_k > WIDEST_INTERVAL * abs(local.k) or local.k < 0.0:
         where = "" if phases.free_force is None else " in contact"
         value = f"{STIFFNESS.number(local.k)} \u00b1 {STIFFNESS.text(half_k)}"
@@ -358,7 +358,7 @@ def viscous_body(
     x, v = record.x[phases.usable], record.v[phases.usable]
     time_of_motion = float(np.std(x)) / max(float(np.std(v)), 1e-300)
     half_b, largest = LEVEL_95 * local.b_std, abs(local.k) + half_k
-    if half_k < abs(local.k) or largest * time_of_motion > VISCOUS_SHARE * (local.b - half_b):
+    if local.k > half_k or largest * time_of_motion > VISCOUS_SHARE * (local.b - half_b):
         return None
     return Reason(
         f"the force follows the velocity, not the position: a viscous body with "

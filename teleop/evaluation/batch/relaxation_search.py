@@ -31,7 +31,7 @@ REFINEMENTS = 5
 constants of the grid."""
 NEVER_SINGULAR = 1e-13
 """Increase of the diagonal of the normal equations, whose columns have the norm 1."""
-MOST_MODELS = 6
+MOST_MODELS = 3
 """Largest number of models of the same degree and number of relaxing parts that are returned."""
 
 

@@ -224,3 +224,13 @@ def test_in_a_short_record_a_cycle_in_which_the_stiffness_changes_is_no_second_c
     cycles = Cycles(5.0 * np.arange(5), 5.0 * ones, k, 18.0 * ones, error, 1e-3 * ones, ones)
     assert isolated_cycles(cycles) == (2, 3)
     assert isolated_cycles(cycles._replace(k=995.0 * ones)) is None
+
+
+def test_presses_of_different_depth_on_two_layers_are_no_change_of_the_stiffness():
+    t = np.arange(0.0, 16.0, 4e-3)
+    top = np.array([1.2, 1.9, 1.4, 2.2, 1.7, 1.3, 2.4, 1.5])[(t // 2.0).astype(int)] * 1e-3
+    x = 0.5 * (top + 1e-3) * (1.0 - np.cos(np.pi * t)) - 1e-3
+    depth = np.maximum(x, 0.0)
+    found = result(t, x, 500.0 * depth + 2500.0 * np.maximum(depth - 1e-3, 0.0), 0.01)
+    assert not any("changes over the cycles" in reason for reason in found.reasons)
+    assert any("the stiffness changes at a depth of" in reason for reason in found.reasons)

@@ -58,11 +58,11 @@ def test_force_and_depth_are_a_point_of_a_record_whose_position_drifts():
         assert near.min() < 0.1
 
 
-def bonded(gap, stiffening=0.0, every=1):
+def bonded(gap, stiffening=0.0, every=1, b=8.0):
     """A bonded specimen behind a gap, which its damping crosses slowly."""
     t = np.arange(0.0, 10.0, 2e-3)
     x = 2e-3 * np.sin(2.0 * np.pi * 0.7 * t)
-    k, b, dt = 1500.0, 8.0, 2e-3
+    k, dt = 1500.0, 2e-3
     y, tips = 0.0, []
     for position in x:
         y = min(max(y * b / (b + k * dt), position - gap), position + gap)
@@ -76,6 +76,13 @@ def bonded(gap, stiffening=0.0, every=1):
 def test_no_stiffness_is_stated_in_a_gap_of_a_bonded_specimen(every):
     """With every 16th sample, a loading has 22 samples."""
     found = bonded(0.3e-3, every=every)
+    assert found.k is None
+    assert "a gap (lost motion) between position sensor and specimen" in found.reasons[0]
+
+
+@pytest.mark.parametrize(("gap", "b"), [(0.1e-3, 20.0), (0.3e-3, 80.0)])
+def test_a_gap_is_found_if_it_is_small_or_the_damping_large(gap, b):
+    found = bonded(gap, b=b)
     assert found.k is None
     assert "a gap (lost motion) between position sensor and specimen" in found.reasons[0]
 

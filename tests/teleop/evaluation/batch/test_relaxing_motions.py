@@ -87,3 +87,21 @@ def test_the_stated_force_is_measured_where_k_is_the_slope_of_the_record():
     rng = np.random.default_rng(6)
     found = analyse(Signals(t, x, f + rng.normal(0.0, 2e-3, len(t)), periods(t), "position")).result
     assert found.k == pytest.approx(loading_slope(t, x, f, found.force), rel=0.05)
+
+
+@pytest.mark.parametrize("time", [0.3, 0.8])
+def test_the_elastic_force_of_a_quasi_linear_body_relaxes(time: float) -> None:
+    """Its stiffness grows by the factor 2, and it has no viscosity."""
+    t = np.arange(0.0, 16.0, 4e-3)
+    x = DEPTH * (0.6 - 0.8 * np.cos(2.0 * np.pi * 0.7 * t - 0.3 * np.sin(1.3 * t)))
+    law = K * np.expm1(350.0 * np.maximum(x, 0.0)) / 350.0
+    f = np.where(x > 0.0, np.maximum(law + 0.6 * relaxed(law, 250.0, time), 0.0), 0.0)
+    f = f + np.random.default_rng(0).normal(0.0, 2e-3 * np.ptp(f), len(t))
+    found = analyse(Signals(t, x, f, periods(t), "position"))
+    assert found.local is not None
+    assert found.local.best.rms < 1.5 * found.record.f_noise_smoothed
+    assert found.result.k is not None
+    assert found.result.b is not None
+    assert abs(found.result.b) < 0.01 * found.result.k / (2.0 * np.pi * 0.7)
+    (one,) = found.result.times
+    assert one.value == pytest.approx(time, rel=0.1)

@@ -93,3 +93,14 @@ def test_a_force_at_a_position_that_only_has_noise_is_a_rigid_stop():
     rng = np.random.default_rng(4)
     x = 3e-3 + f / 1e9 + rng.normal(0.0, 4e-7, len(t))
     assert "rigid stop" in only_reason(analyse(Signals(t, x, f, periods(t), "position")).result)
+
+
+@pytest.mark.parametrize("frequency", [0.3, 3.0])
+def test_a_dashpot_is_a_viscous_body(frequency):
+    t = np.arange(0.0, 12.0, 0.004)
+    x = 2e-3 * np.sin(2.0 * np.pi * frequency * t)
+    b = 50.0 / frequency
+    reason = only_reason(result(t, x, b * np.gradient(x, t), 0.02))
+    assert reason.startswith("the force follows the velocity, not the position: a viscous body")
+    value = float(reason.split("body with ")[1].split()[0])
+    assert value == pytest.approx(b, rel=0.01)
