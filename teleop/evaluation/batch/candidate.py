@@ -18,6 +18,7 @@ from scipy.special import expit
 from estimation.arrays import Floats
 from estimation.estimator import LEVEL_95
 from estimation.robust_error import bayesian_criterion
+from teleop.evaluation.batch.friction import friction_forces
 from teleop.evaluation.batch.regression_rows import RegressionRows
 from teleop.evaluation.batch.smoothed_record import SmoothedRecord
 from teleop.evaluation.batch.thresholds import (
@@ -187,12 +188,16 @@ class Candidate(NamedTuple):
                 return True
         return self.change_of_stiffness > NOTABLE_STIFFENING
 
-    def force_without_mass(self, record: SmoothedRecord) -> Floats:
-        """Return the force of a record without that of the mass of this model [N], shape (n,)."""
-        mass = self.part(MASS)
-        if not mass:
-            return record.f
-        return np.asarray(record.f - mass.values[0].value * record.derivative(record.v))
+    def force_without_mass_and_friction(self, record: SmoothedRecord) -> Floats:
+        """Return the force of a record without those of mass and friction [N], shape (n,)."""
+        force = record.f
+        if mass := self.part(MASS):
+            force = force - mass.values[0].value * record.derivative(record.v)
+        if friction := self.part(FRICTION):
+            (slips,) = (one.values for one in self.extensions if one.kind == FRICTION)
+            (relative,) = friction_forces(record, np.array(slips))
+            force = force - friction.values[0].value * record.smoothed(relative)
+        return force
 
     def part(self, kind: str) -> FittedPart | None:
         """Return the physical quantities of one kind of extension; None without this kind."""

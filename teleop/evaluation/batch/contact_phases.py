@@ -121,7 +121,7 @@ def find_phases(record: SmoothedRecord, with_point: bool = True) -> Phases:
     """
     x, f = record.x, record.f
     width = level_width(record)
-    free, saturated = free_and_saturated(record, width, record.force_range[0])
+    free, saturated = free_and_saturated(record, record.palpation, width, record.force_range[0])
     saturated = saturated or clipped(record)
     guard = guard_of(record)
     contact = np.ones(len(x), dtype=np.bool_)
@@ -239,16 +239,17 @@ def merged(phases: list[Phase]) -> list[Phase]:
 
 
 def free_and_saturated(
-    record: SmoothedRecord, width: float, lowest: float | Floats
+    record: SmoothedRecord, x: Floats, width: float, lowest: float | Floats
 ) -> tuple[NDArray[np.bool_] | None, bool]:
     """Return a mask of the samples in free motion, and whether the force sensor is saturated.
 
     In free motion, the force stays within `width` [N] of its minimum while the position changes.
-    `lowest` is this minimum [N], or one for each sample, if the force drifts. If
+    `lowest` is this minimum [N], or one for each sample, if the force drifts. x is the position of
+    the record, with or without its baseline. If
     the sensor is saturated, it stays within `width` of its maximum. Without free motion, the mask
     is None.
     """
-    x, f = record.palpation, record.f
+    f = record.f
     low, high = record.force_range
     if width > 0.2 * (high - low):
         return None, False

@@ -2,9 +2,13 @@
 
 Out of contact, the force of a sensor without drift has the same value each time. The record is
 divided at the deepest positions, so that each part contains at most one time out of contact, whose
-force is compared with the lowest force of this part only (`free_and_saturated`). The mean forces of
-these times are fitted by a polynomial in time. They show a drift if the polynomial changes
-significantly, and describes all of them.
+force is compared with the lowest force of this part only (`free_and_saturated`).
+
+The forces of these times are fitted by a polynomial in time, of the highest degree that is
+significant. If no polynomial describes them within their errors, as after the zero of the sensor
+has jumped, the drift is interpolated between them (`scipy.interpolate.PchipInterpolator`). It is
+not, if one of these times may be a part of the contact: its positions are deeper than the contact
+point of another one.
 
 A body that relaxes, softens or moves does not change the force out of contact. A drift that is not
 removed looks like each of these, because it changes the force in contact from press to press.
@@ -19,6 +23,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from estimation.arrays import Floats
 from estimation.autocorrelation import effective_samples
 from teleop.evaluation.batch.contact_phases import free_and_saturated, guard_of, level_width
 from teleop.evaluation.batch.masks import eroded
@@ -27,12 +32,14 @@ from teleop.evaluation.batch.strokes import least_stroke, turning_points
 from teleop.evaluation.batch.thresholds import (
     DRIFT_ERRORS,
     FEWEST_FREE_SAMPLES,
-    FEWEST_FREE_TIMES,
     FEWEST_SPARE_TIMES,
+    HIGHEST_DRIFT_DEGREE,
     LARGEST_DRIFT_MISFIT,
     LEAST_FREE_DRIFT,
-    LEAST_TREND,
     LOWEST_FORCES,
+    LOWEST_POSITIONS,
+    MOST_FREE_PARTS,
+    ROUGHEST_DRIFTS,
     SHORTEST_FREE_SPAN,
     TERM_ERRORS,
 )
@@ -40,14 +47,19 @@ from teleop.evaluation.reading.signals import Signals
 
 
 class ForceDrift(NamedTuple):
-    """A drift of the force, as a polynomial in time."""
+    """A drift of the force."""
 
-    polynomial: np.polynomial.Polynomial
-    """Force out of contact over time [N], minus its mean over the record."""
-    change: float
-    """Largest minus smallest force out of contact in the record [N]."""
+    t: Floats
+    """Times [s], shape (n,)."""
+    force: Floats
+    """Force out of contact at these times, minus its mean [N], shape (n,)."""
     share: float
-    """The same, as a fraction of the range of the force."""
+    """Largest minus smallest force out of contact, as a fraction of the range of the force."""
+
+    @property
+    def change(self) -> float:
+        """Largest minus smallest force out of contact [N]."""
+        return float(np.ptp(self.force))
 
     @property
     def text(self) -> str:
@@ -57,14 +69,18 @@ class ForceDrift(NamedTuple):
             f"({self.share:.1%} of the range of the force), which is removed"
         )
 
+    def at(self, t: Floats) -> Floats:
+        """Return the drift at any times [N]."""
+        return np.asarray(np.interp(t, self.t, self.force))
+
     def removed(self, signals: Signals) -> Signals:
         """Return the signals with the force without the drift."""
-        f = signals.f - self.polynomial(signals.t)
+        f = signals.f - self.at(signals.t)
         return signals._replace(f=f, measured_force_step=signals.force_step)
 
 
 class FreeTime(NamedTuple):
-    """A time out of contact."""
+    """A part of a time out of contact."""
 
     t: float
     """Mean time [s]."""
@@ -72,6 +88,12 @@ class FreeTime(NamedTuple):
     """Mean force [N]."""
     error: float
     """Standard deviation of the mean force, from the scatter of the force [N]."""
+    lowest: float
+    """Lowest position of the whole time [m]."""
+    highest: float
+    """Highest position of the whole time [m]."""
+    number: float
+    """Number of the whole time."""
 
 
 def find_drift(record: SmoothedRecord) -> ForceDrift | None:
@@ -81,83 +103,107 @@ def find_drift(record: SmoothedRecord) -> ForceDrift | None:
     drift is only found then.
     """
     free = times_out_of_contact(record)
-    drift = fitted_drift(record, free)
+    drift = drift_of(record, free)
     if drift is not None:
-        f = record.f - drift.polynomial(record.t)
-        free = times_out_of_contact(replace(record, f=f))
-        drift = fitted_drift(record, free) or drift
+        free = times_out_of_contact(replace(record, f=record.f - drift.at(record.t)))
+        drift = drift_of(record, free) or drift
     whole = float(record.t[-1] - record.t[0])
     if drift is None or free[-1].t - free[0].t < SHORTEST_FREE_SPAN * whole:
         return None
     return drift
 
 
-def fitted_drift(record: SmoothedRecord, free: list[FreeTime]) -> ForceDrift | None:
-    """Return the polynomial of the highest significant degree; None if there is none."""
-    found = None
-    for degree, fewest in FEWEST_FREE_TIMES.items():
-        if len(free) >= fewest:
-            found = polynomial_drift(record, free, degree) or found
-    return found
-
-
 def times_out_of_contact(record: SmoothedRecord) -> list[FreeTime]:
-    """Return the times out of contact, in the order of time.
+    """Return the parts of the times out of contact, in the order of time.
 
-    Between two deepest positions, there is at most one.
+    Between two deepest positions, there is at most one such time. The drift in it is estimated at
+    the lowest positions, because the force must be constant.
     """
-    x, f = record.palpation, record.f
+    x, f = record.x, record.f.copy()
     turns = turning_points(x, least_stroke(x))
     deepest = [turn for before, turn in pairwise(turns[:-1]) if x[turn] > x[before]]
     bounds = [0, *deepest, len(x)]
     floor = np.empty_like(f)
-    for start, end in pairwise(bounds):
-        floor[start:end] = np.percentile(f[start:end], LOWEST_FORCES)
-    free, _ = free_and_saturated(record, level_width(record), floor)
+    for part in (slice(*ends) for ends in pairwise(bounds)):
+        low = x[part] <= x[part].min() + LOWEST_POSITIONS * np.ptp(x[part])
+        since = record.t[part] - record.t[part][low].mean()
+        rate = float(since[low] @ f[part][low]) / max(float(since[low] @ since[low]), 1e-300)
+        f[part] -= rate * since
+        floor[part] = np.percentile(f[part], LOWEST_FORCES)
+    free, _ = free_and_saturated(replace(record, f=f), x, level_width(record), floor)
     if free is None:
         return []
-    free = eroded(free, guard_of(record))
+    apart = eroded(free, guard_of(record))
+    shortest = max(FEWEST_FREE_SAMPLES, 2 * guard_of(record))
     found = []
-    for start, end in pairwise(bounds):
-        part = start + np.flatnonzero(free[start:end])
-        if len(part) >= FEWEST_FREE_SAMPLES:
-            force = record.raw_f[part]
+    for number, (start, end) in enumerate(pairwise(bounds)):
+        index = start + np.flatnonzero(apart[start:end])
+        if len(index) < 2 * FEWEST_FREE_SAMPLES:
+            continue
+        places = record.x[start:end][free[start:end]]
+        count = int(np.clip(len(index) // shortest, 2, MOST_FREE_PARTS))
+        for own in np.array_split(index, count):
+            force = record.raw_f[own]
             scatter = float(np.std(force)) / math.sqrt(effective_samples(force - force.mean()))
             error = math.hypot(scatter, record.f_rounding)
-            found.append(FreeTime(float(record.t[part].mean()), float(force.mean()), error))
+            mean = float(record.t[own].mean()), float(force.mean())
+            found.append(
+                FreeTime(*mean, error, float(places.min()), float(places.max()), float(number))
+            )
     return found
 
 
-def polynomial_drift(
-    record: SmoothedRecord, free: list[FreeTime], degree: int
-) -> ForceDrift | None:
-    """Return a drift of a degree; None if it or its term of this degree is not significant.
-
-    The result is also None if the drift is small, or if it does not describe all times out of
-    contact: at one of them, there may be contact. For the same reason, a polynomial that few times
-    determine must mainly rise, or mainly fall.
-    """
-    t, force, error = np.array(free).T
-    error = np.maximum(error, np.median(error))
-    start, end = float(record.t[0]), float(record.t[-1])
-    powers = (2.0 * (t - start) / (end - start) - 1.0)[:, None] ** np.arange(degree + 1)
-    orthogonal, triangular = np.linalg.qr(powers / error[:, None])
-    along = orthogonal.T @ (force / error)
-    rest = force / error - orthogonal @ along
-    scale = math.sqrt(max(1.0, float(rest @ rest) / max(len(t) - degree - 1, 1)))
-    if np.linalg.norm(along[1:]) < DRIFT_ERRORS * scale or abs(along[-1]) < TERM_ERRORS * scale:
+def drift_of(record: SmoothedRecord, free: list[FreeTime]) -> ForceDrift | None:
+    """Return the drift through the times out of contact; None if it is not significant."""
+    if not free:
         return None
-    if (np.abs(rest) * error > LARGEST_DRIFT_MISFIT * level_width(record)).any():
-        return None
-    coefficients = np.linalg.solve(triangular, along)
-    fitted = powers @ coefficients
-    few = len(t) < degree + FEWEST_SPARE_TIMES
-    if few and abs(fitted[-1] - fitted[0]) < LEAST_TREND * float(np.ptp(fitted)):
-        return None
-    polynomial = np.polynomial.Polynomial(coefficients, domain=[start, end])
-    over_time = polynomial(record.t)
+    t, force, error, lowest, highest, number = np.array(free).T
+    # slow noise differs between the parts of a time by more than the scatter in them states
+    apart = np.abs(np.diff(force))[np.diff(number) == 0.0]
+    error = np.maximum(error, max(np.median(error), 1.4826 * np.median(apart) / math.sqrt(2.0)))
     low, high = record.force_range
-    change, share = float(np.ptp(over_time)), float(np.ptp(over_time)) / (high - low)
+    found = best_polynomial(record, t, force, error)
+    if found is None:
+        means = np.array([force[number == one].mean() for one in np.unique(number)])
+        steps, scatter = float(np.sqrt(np.mean(np.diff(means) ** 2))), float(np.std(means))
+        allowed = (
+            steps < roughest * scatter and scatter > errors * error[0]
+            for roughest, errors in ROUGHEST_DRIFTS.items()
+        )
+        if len(means) < 3 or not any(allowed) or lowest.max() > highest.min():
+            return None
+        # an import of scipy.interpolate takes longer than the evaluation of a short record
+        from scipy.interpolate import PchipInterpolator
+
+        found = PchipInterpolator(t, force)(np.clip(record.t, t[0], t[-1]))
+    share = float(np.ptp(found)) / (high - low)
     if share < LEAST_FREE_DRIFT:
         return None
-    return ForceDrift(polynomial - float(over_time.mean()), change, share)
+    return ForceDrift(record.t, found - found.mean(), share)
+
+
+def best_polynomial(
+    record: SmoothedRecord, t: Floats, force: Floats, error: Floats
+) -> Floats | None:
+    """Return the polynomial of the highest significant degree at the times of the record [N].
+
+    The result is None if no polynomial is significant, or if none describes the forces [N] at the
+    times t [s] within their errors.
+    """
+    found: Floats | None = None
+    start, end = float(record.t[0]), float(record.t[-1])
+    since, over_time = (2.0 * (each - start) / (end - start) - 1.0 for each in (t, record.t))
+    tolerance = LARGEST_DRIFT_MISFIT * error[0]
+    for degree in range(1, min(HIGHEST_DRIFT_DEGREE, len(t) - FEWEST_SPARE_TIMES) + 1):
+        powers = since[:, None] ** np.arange(degree + 1)
+        orthogonal, triangular = np.linalg.qr(powers / error[:, None])
+        along = orthogonal.T @ (force / error)
+        rest = force / error - orthogonal @ along
+        scale = math.sqrt(max(1.0, float(rest @ rest) / (len(t) - degree - 1)))
+        significant = np.linalg.norm(along[1:]) > DRIFT_ERRORS * scale
+        if significant and abs(along[-1]) > TERM_ERRORS * scale:
+            suits = float(np.sqrt(np.mean((rest * error) ** 2))) < tolerance
+            coefficients = np.linalg.solve(triangular, along)
+            if suits:
+                found = np.asarray(np.polynomial.polynomial.polyval(over_time, coefficients))
+    return found

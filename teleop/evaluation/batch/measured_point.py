@@ -87,7 +87,7 @@ def slopes_of_cycles(
     begins = [phase.start for phase in phases.phases if phase.name == "loading"]
     own = np.zeros(1) if best.is_storage else best.relaxing_force  # k' contains the relaxing parts
     relaxing = np.broadcast_to(own, record.x.shape)
-    elastic_force = best.force_without_mass(record) - relaxing
+    elastic_force = best.force_without_mass_and_friction(record) - relaxing
     layers = best.part(KNOT)
     knot = layers.values[0].value if layers else math.inf
     # the force at the knot is smoothed as the record is

@@ -277,8 +277,10 @@ def stiffness_result(
         half = math.hypot(lock_in.loss_half / omega, correction)
         if half < half_b:
             local, half_b = replace(local, b=lock_in.loss / omega), half
-    # the force of a mass changes the slopes of cycles of different frequencies
-    cycles = cycles_of(replace(record, f=local.best.force_without_mass(record)), phases)
+    # a mass changes the slopes of cycles of different frequencies, friction those of all cycles
+    cycles = cycles_of(
+        replace(record, f=local.best.force_without_mass_and_friction(record)), phases
+    )
     change, drift = change_over_cycles(cycles), drift_of_lag(cycles)
     if not local.best.times and local.best.rms < CONSTANT_RESIDUAL * record.f_noise_smoothed:
         change = drift = None  # one law of the depth describes all cycles

@@ -233,22 +233,26 @@ FEWEST_CLIPPED = 8
 
 LOWEST_FORCES = 1.0
 """Percentile of the force between two deepest positions that counts as its minimum [%]."""
-FEWEST_FREE_SAMPLES = 8
-"""Smallest number of samples in a time out of contact."""
+LOWEST_POSITIONS = 0.15
+"""Part of the travel between two deepest positions at which the drift in this time is estimated."""
+FEWEST_FREE_SAMPLES = 4
+"""Smallest number of samples in half of a time out of contact."""
+MOST_FREE_PARTS = 6
+"""Largest number of parts of a time out of contact whose forces are averaged."""
 SHORTEST_FREE_SPAN = 0.5
 """Shortest time from the first to the last time out of contact, as a fraction of the record."""
-FEWEST_FREE_TIMES = {1: 2, 2: 3, 3: 5, 4: 7, 5: 8, 6: 10}
-"""Smallest number of times out of contact for a drift of each degree. A drift whose rate falls by
-95 % over the record is described within 0.001 of its change by degree 5, and 0.02 by degree 3."""
-FEWEST_SPARE_TIMES, LEAST_TREND = 4, 0.7
-"""Number of times out of contact besides the degree below which a drift must mainly rise, or mainly
-fall, and smallest difference between the last and the first of them, as a fraction of their range.
-"""
+HIGHEST_DRIFT_DEGREE, FEWEST_SPARE_TIMES = 6, 2
+"""Highest degree of a polynomial drift, and smallest difference of the number of times and it."""
 DRIFT_ERRORS, TERM_ERRORS = 6.0, 2.0
 """Smallest drift, and smallest term of its highest degree, in standard deviations. A term that is
 not needed costs less than one that is left out."""
-LARGEST_DRIFT_MISFIT = 0.5
-"""Largest difference of a force out of contact from the drift, in `level_width`."""
+LARGEST_DRIFT_MISFIT = 2.0
+"""Largest difference of the forces out of contact from a polynomial drift (root mean square), in
+standard deviations of these forces. Beyond it, the drift is interpolated."""
+ROUGHEST_DRIFTS = {1.0: 3.0, 1.2: 10.0}
+"""Largest difference of successive mean forces out of contact, relative to their standard deviation
+(root mean squares), with which a drift is interpolated, and smallest such deviation in errors. The
+ratio is 1.4 for noise, and 1.2 for four times of which two are before a jump."""
 LEAST_FREE_DRIFT = 0.005
 """Smallest drift that is removed, as a fraction of the range of the force."""
 
@@ -610,7 +614,7 @@ slope of the side."""
 
 # Contact point that moves
 
-FEWEST_PRESSES, MOST_KNOTS = 3, 20
+FEWEST_PRESSES, MOST_KNOTS = 2, 20
 """Smallest number of presses with which a motion of the contact point is sought, and largest number
 of positions that are fitted. With more presses, several have the same position."""
 SHARE_OF_ROWS = 0.25

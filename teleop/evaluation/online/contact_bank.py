@@ -58,7 +58,7 @@ def contact_at(analysis: Analysis, t: Floats, f: Floats) -> NDArray[np.bool_]:
         level = phases.free_force
         above = np.ones(len(t), dtype=np.bool_)
         if level is not None:
-            drift = analysis.drift.polynomial(t) if analysis.drift else 0.0
+            drift = analysis.drift.at(t) if analysis.drift else 0.0
             above = hysteresis(f - drift - level, 0.5 * width, width)
         contact[away] = above[away]
     return contact
