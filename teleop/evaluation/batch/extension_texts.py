@@ -130,7 +130,7 @@ def phrases(local: LocalStiffness, surface: Value, sinusoidal: bool) -> list[str
             + (", which a single sine does not distinguish from relaxation" if sinusoidal else "")
         )
     if part := best.part(MASS):
-        found.append(f"a mass of {1e3 * part.values[0].value:.3g} g moves beyond the force sensor")
+        found.append(f"a mass of {part.values[0].value:.3g} kg moves beyond the force sensor")
     part = best.part(FRICTION)
     if part and local.loss_force is not None:
         found.append(

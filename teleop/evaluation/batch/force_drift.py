@@ -104,13 +104,13 @@ def find_drift(record: SmoothedRecord) -> ForceDrift | None:
     """
     free = times_out_of_contact(record)
     drift = drift_of(record, free)
-    if drift is not None:
-        free = times_out_of_contact(replace(record, f=record.f - drift.at(record.t)))
-        drift = drift_of(record, free) or drift
-    whole = float(record.t[-1] - record.t[0])
-    if drift is None or free[-1].t - free[0].t < SHORTEST_FREE_SPAN * whole:
+    if drift is None:
         return None
-    return drift
+    again = times_out_of_contact(replace(record, f=record.f - drift.at(record.t)))
+    if better := drift_of(record, again):
+        free, drift = again, better
+    whole = float(record.t[-1] - record.t[0])
+    return drift if free[-1].t - free[0].t > SHORTEST_FREE_SPAN * whole else None
 
 
 def times_out_of_contact(record: SmoothedRecord) -> list[FreeTime]:
@@ -165,12 +165,13 @@ def drift_of(record: SmoothedRecord, free: list[FreeTime]) -> ForceDrift | None:
     found = best_polynomial(record, t, force, error)
     if found is None:
         means = np.array([force[number == one].mean() for one in np.unique(number)])
+        if len(means) < 3 or lowest.max() > highest.min():
+            return None
         steps, scatter = float(np.sqrt(np.mean(np.diff(means) ** 2))), float(np.std(means))
-        allowed = (
+        if not any(
             steps < roughest * scatter and scatter > errors * error[0]
             for roughest, errors in ROUGHEST_DRIFTS.items()
-        )
-        if len(means) < 3 or not any(allowed) or lowest.max() > highest.min():
+        ):
             return None
         # an import of scipy.interpolate takes longer than the evaluation of a short record
         from scipy.interpolate import PchipInterpolator

@@ -95,6 +95,9 @@ from teleop.evaluation.batch.thresholds import (
 
 LAW_DEGREES, LAW_STEPS = DEGREES[1:4], 3
 """Degrees of an elastic force that relaxes, and largest number of its improvements."""
+TIME_ERROR = 0.05
+"""Half width of the interval of the logarithm of a time constant besides that of the fit. The
+contact point and the elastic law, which are not exact, change it by about 4 %."""
 LARGEST_TIME_ERROR = math.log(100.0)
 """Largest half width of the interval of the logarithm of a time constant. It is not determined."""
 LARGEST_SCORE = 10.0
@@ -383,7 +386,7 @@ def relaxation_times(
         if len(one.times) == len(best.times) and one.bic < best.bic + BETTER_BIC
     ]
     apart = np.abs(np.log(np.array(similar) / best.times)).max(axis=0)
-    return time_intervals(best.times, np.hypot(errors, apart).tolist())
+    return time_intervals(best.times, np.hypot(np.hypot(errors, apart), TIME_ERROR).tolist())
 
 
 def time_intervals(times: Sequence[float], errors: Sequence[float]) -> tuple[Interval, ...]:

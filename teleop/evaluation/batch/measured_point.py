@@ -27,6 +27,7 @@ from teleop.evaluation.batch.contact_phases import Phases
 from teleop.evaluation.batch.local_stiffness import LocalStiffness
 from teleop.evaluation.batch.smoothed_record import SmoothedRecord
 from teleop.evaluation.batch.thresholds import (
+    EXPLAINED_RESIDUAL,
     FEWEST_GAP_LOADINGS,
     FEWEST_SLOPE_CYCLE_SAMPLES,
     FEWEST_SLOPE_CYCLES,
@@ -180,6 +181,8 @@ def measured_point(
     half = LEVEL_95 * 1.25 * scatter / math.sqrt(len(k))
     least = max(half_k + half, LEAST_SLOPE_DIFFERENCE * abs(middle))
     difference = abs(local.k - middle)
+    if local.best.rms < EXPLAINED_RESIDUAL * record.f_noise_smoothed:
+        difference = 0.0  # the model describes all cycles; the cubic of a cycle is not exact
     if difference > max(least, (0.0 if elsewhere else LARGEST_DIFFERENCE) * abs(middle)):
         return Reason(
             f"the stiffness is not determined: the model of the whole record has "
@@ -278,22 +281,33 @@ def not_measured(stated: Point) -> Reason:
 def loading_point(record: SmoothedRecord, phases: Phases, local: LocalStiffness) -> Point | None:
     """Return the point in loading at the position of k; None if the record does not pass near it.
 
-    The force of this point is that of the record. It contains the viscous force, which the force at
-    which the model has k does not contain.
+    The force of this point is that of the record. It contains the forces of damping, mass and
+    friction, which the force at which the model has k does not contain. If the passes have this
+    force at different positions, as on a body that relaxes, k is stated at the nearest of them.
     """
     stated = Point(local.best.force, local.best.position)
     part = phases.usable & (record.v > 0.0)
     if not part.any():
         return stated
     x, f = record.x[part], record.f[part]
+    elastic = local.best.force_without_mass_and_friction(record)[part] - local.b * record.v[part]
     noise = 3.0 * record.f_noise_smoothed
     size_x, size_f = (max(float(np.ptp(each)), 1e-300) for each in (x, f))
     away_x = np.abs(x - stated.position) / size_x
-    away_f = np.abs(f - local.b * record.v[part] - stated.force)
+    away_f = np.abs(elastic - stated.force)
     distance = np.maximum(away_x, np.maximum(away_f - noise, 0.0) / size_f)
     # the distance to the path, not to its samples, which are far apart in fast motions
     spacing = float(np.max(np.abs(record.v))) * record.period / size_x
+    position, change = stated.position, 0.0
     if np.min(distance) >= POINT_DISTANCE + spacing:
-        return None
+        at_force = np.maximum(away_f - noise, 0.0) / size_f < POINT_DISTANCE + spacing
+        if not at_force.any():
+            return None
+        position = float(x[at_force][np.argmin(away_x[at_force])])
+        change = abs(local.best.stiffening * (position - stated.position))
+        if change > LARGEST_DIFFERENCE * abs(local.k):
+            return None
+        away_x = np.abs(x - position) / size_x
     near = away_x < POINT_DISTANCE + spacing
-    return point_of(f[near] - local.k * (x[near] - stated.position), stated.position, local)
+    point = point_of(f[near] - local.k * (x[near] - position), position, local)
+    return point._replace(difference=math.hypot(point.difference, change))

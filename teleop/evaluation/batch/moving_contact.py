@@ -38,6 +38,7 @@ from teleop.evaluation.batch.regression_rows import RegressionRows
 from teleop.evaluation.batch.smoothed_record import SmoothedRecord
 from teleop.evaluation.batch.thresholds import (
     FEWEST_PRESSES,
+    LARGEST_MOVED_SHARE,
     LEAST_MOVED_SHARE,
     MOST_KNOTS,
     MOST_REVERSALS,
@@ -52,8 +53,9 @@ from teleop.evaluation.reading.signals import Signals
 
 NEWTON_STEPS = 4
 """Number of steps that improve the motion of the surface, or the change of the stiffness."""
-DEGREE = 3
-"""Smallest degree of the polynomial P(x)."""
+DEGREES, FEW_ROWS = (3, 5), 60
+"""Smallest degree of the polynomial P(x), with up to this number of independent samples and with
+more. If the presses have different positions, a polynomial of low degree does not fit them."""
 TIMES = 4
 """Number of relaxing parts in the models that contain relaxation."""
 
@@ -101,15 +103,18 @@ class MovingContact(NamedTuple):
         change, range_ = positions[-1] - positions[0], float(np.ptp(positions))
         how = "moves"
         if abs(change) > 0.5 * range_:
-            how = "recedes" if change > 0.0 else "rises"
-        moves = f"the contact point {how} by {range_ * 1e3:.3g} mm over the presses"
+            how = "recedes" if change > 0.0 else "comes nearer"
+        moves = f"{how} by {range_ * 1e3:.3g} mm over the presses"
         causes = (
             "the specimen is preconditioned, or has not recovered, the tip slides, or the position "
             "drifts"
         )
         if self.is_certain:
-            return f"{moves}, and depths are those below it: {causes}"
-        return f"instead of a relaxation, it is possible that {moves} ({causes})"
+            return (
+                f"the contact point {moves}, and depths are measured from that of each press: "
+                f"{causes}"
+            )
+        return f"the force relaxes, or the contact point {moves} ({causes})"
 
 
 class PressFit(NamedTuple):
@@ -167,7 +172,8 @@ def find_moving_contact(
     n = independent_values(min(found, key=lambda one: one.rms).residual)
     best = min(found, key=lambda one: one.criterion(n))
     range_ = float(np.ptp(best.over_presses.values))
-    if range_ < max(LEAST_MOVED_SHARE * models.travel, MOVED_ERRORS * models.error(best)):
+    least = max(LEAST_MOVED_SHARE * models.travel, MOVED_ERRORS * models.error(best))
+    if not least < range_ < LARGEST_MOVED_SHARE * models.travel:
         return None
     left, before = beyond_noise(best), beyond_noise(resting_best)
     most = best.criterion(n) + MOVED_BIC
@@ -181,7 +187,7 @@ def find_moving_contact(
         return None
     values = best.over_presses.values
     relaxes = resting_best.times and values[-1] - values[0] > 0.5 * range_
-    if relaxes and left <= max(before, NEGLIGIBLE_MISFIT * noise):
+    if relaxes and left <= NEGLIGIBLE_MISFIT * noise:
         return MovingContact(best.over_presses, is_certain=False)
     return None
 
@@ -191,7 +197,8 @@ class PressModels:
 
     def __init__(self, rows: RegressionRows, presses: list[tuple[int, int]], degree: int) -> None:
         self._rows, self._record = rows, rows.record
-        self._orders = np.arange(1, max(DEGREE, degree) + 1)
+        least = DEGREES[int(len(rows.index) > FEW_ROWS)]
+        self._orders = np.arange(1, max(least, degree) + 1)
         self._lowest = rows.normalised(self._record.x[rows.index]).min()
         self._taus = np.geomspace(4.0 * self._record.width, rows.longest_time, TIMES + 1)[:-1]
         self._ends = self._record.t[np.array(presses) - [0, 1]]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from scipy.ndimage import median_filter
 
@@ -97,8 +99,8 @@ def unsuited(record: SmoothedRecord, phases: Phases) -> Reason | None:
         )
     if rise := rise_at_rest(record):
         return Reason(
-            f"the force drifts: it rises by {rise[0]:.3g} N in {rise[1]:.3g} s at rest, where that "
-            "of a passive body does not"
+            f"the force drifts: at a constant position, it rises by {rise[0]:.3g} N in "
+            f"{rise[1]:.3g} s, and the force of a passive body does not rise there"
         )
     return None
 
@@ -257,6 +259,7 @@ def contact_remarks(record: SmoothedRecord, local: LocalStiffness) -> list[Reaso
 
 DAMPING_NOT_RESOLVED = "damping is not resolved: its interval contains zero"
 LOST_MOTION = "motion is lost between the position sensor and the tip"
+SURFACE_RECOVERS = "each press moves the surface of the specimen, which then recovers"
 SOFTENING = "the specimen is softer at depths that it has reached before"
 SLOPES = "teleop estimate FILE --json prints the slope of each loading (phases)"
 LAG = (
@@ -398,6 +401,8 @@ def remarks(
                 similar += f", or {SOFTENING}"
             if longest_hold(record, phases) < SHORTEST_RELAXATION_HOLD:
                 similar += f", or {LOST_MOTION}"
+                if phases.free_force is not None:
+                    similar += f", or {SURFACE_RECOVERS}"
             what.append(f"force relaxes ({times}){similar}")
         if what:
             found.append(
@@ -433,8 +438,9 @@ def remarks(
 def time_text(tau: Interval) -> str:
     """Return the text of a time constant [s] with its interval, if it is determined."""
     if tau.high > LARGEST_TIME_RATIO * tau.value:
-        return f"about {tau.value:.1g} s"
-    return f"{tau.value:.2g} s [{tau.low:.2g}, {tau.high:.2g}]"
+        return f"about {float(f'{tau.value:.1g}'):g} s"
+    digits = max(1 - math.floor(math.log10(max(tau.high - tau.low, 1e-9))), 0)
+    return f"{tau.value:.{digits}f} s [{tau.low:.{digits}f}, {tau.high:.{digits}f}]"
 
 
 def no_damping(
@@ -470,9 +476,8 @@ def no_damping(
         if local.best.times:
             return Reason(
                 f"damping is not determined: beside the relaxation of the force, it is negative "
-                f"({DAMPING.text(local.b, '.3g')}). A lag of the force of "
-                f"{-local.b / local.k * 1e3:.2g} ms has this effect, and so has a relaxation that "
-                "the model does not describe",
+                f"({DAMPING.text(local.b, '.3g')}). The model does not describe the relaxation "
+                "exactly, or the force lags behind the position",
                 LAG,
             )
         # besides relaxation, b is not the loss at a frequency, and shows no phase

@@ -377,7 +377,7 @@ def stiffness_result(
         secant=secant,
         secant_change=secant_change,
         # a change of the stiffness looks like a relaxation
-        times=() if local.lag or change else local.times,
+        times=local.times if any("force relaxes" in text for text in reasons) else (),
         depth_error=0.5 * (point.high - point.low) if point else 0.0,
         depth_from=depth_from,
         b_reason=unusable.text if unusable else "",
@@ -493,8 +493,8 @@ def with_possible_lost_motion(
     `corrected` is the result if the lost motion is removed (`with_lost_motion`).
     """
     text = (
-        f"lost motion of about {found.half_width * 1e6:.3g} um between position sensor and tip is "
-        "possible"
+        "there is no lost motion, or one of about "
+        f"{found.half_width * 1e6:.3g} um between position sensor and tip"
     )
     return with_alternative(result, corrected, Reason(text, MEASURE))
 
@@ -514,7 +514,7 @@ def with_alternative(
         ends = (*result.interval("b"), *other.interval("b"))
         half_b = max(abs(end - result.b) for end in ends)
         values += f" and {DAMPING.text(other.b)}"
-    text = f"{cause.text}, and the intervals contain its effect: with it, the result is {values}"
+    text = f"{cause.text}; the intervals contain both, and the second would give {values}"
     widened = with_half_widths(result, half_k, half_b)
     hints = (*widened.hints, cause.hint) if cause.hint else widened.hints
     return replace(widened, reasons=(text, *widened.reasons), hints=hints)

@@ -511,6 +511,9 @@ k. With a larger difference, k is not reported."""
 LARGEST_SLOPE_SCATTER = 0.05
 """Largest relative standard deviation of the slopes of the cycles of a linear body whose surface
 moves. None of 40 records in which only the position drifts exceeds it."""
+EXPLAINED_RESIDUAL = 2.0
+"""Largest residual of a model, in standard deviations of the noise of the smoothed force, with
+which k is that of the model although the slopes of the cycles differ."""
 POINT_DISTANCE = 0.02
 """Largest distance of the record from the point at which k is stated, as a fraction of the ranges
 of position and force."""
@@ -631,8 +634,9 @@ is possible although relaxation describes the force as well."""
 MOTION_FORM_ERROR = 0.005
 """Relative standard deviation of b because the form of the motion is not known. In 14 records of
 surfaces that recede exponentially, the error is 0.2 % (median), at most 0.9 %."""
-LEAST_MOVED_SHARE, MOVED_ERRORS = 0.002, 6.0
-"""Smallest range of the motion, as a fraction of the travel in contact, and in standard errors."""
+LEAST_MOVED_SHARE, LARGEST_MOVED_SHARE, MOVED_ERRORS = 0.002, 0.6, 6.0
+"""Smallest and largest range of the motion, as a fraction of the travel in contact, and smallest
+range in standard errors."""
 
 # Cycles of a short record
 

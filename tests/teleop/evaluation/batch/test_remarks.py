@@ -81,7 +81,7 @@ def test_two_nearly_equal_time_constants_are_one():
     assert one.low < 6.3 < 6.6 < one.high
     first, second = time_intervals((0.3, 6.0), (0.1, math.inf))
     assert first == pytest.approx((0.3, 0.271, 0.332), abs=1e-3)
-    assert time_text(first) == "0.3 s [0.27, 0.33]"
+    assert time_text(first) == "0.300 s [0.271, 0.332]"
     assert time_text(second) == "about 6 s"
 
 
