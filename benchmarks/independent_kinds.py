@@ -543,7 +543,7 @@ ALWAYS_ALLOWED = (
     r"damping is not resolved|motion and noise do not determine b|^few samples|^inertia: 100 g"
     r"|^a lag of the force is not known|friction in the specimen would have the same effect"
 )
-RELAXES = r"force relaxes|baseline"
+RELAXES = r"force relaxes|relaxation of the force|baseline"
 DEPTH = r"depends on depth"
 LAYER = DEPTH + "|changes at a depth"
 GROWS = r"damping (grows|depends|increases|changes)"

@@ -35,6 +35,7 @@ from teleop.evaluation.batch.thresholds import (
     FEWEST_SPARE_TIMES,
     HIGHEST_DRIFT_DEGREE,
     LARGEST_DRIFT_MISFIT,
+    LARGEST_PART_DRIFT,
     LEAST_FREE_DRIFT,
     LOWEST_FORCES,
     LOWEST_POSITIONS,
@@ -124,11 +125,20 @@ def times_out_of_contact(record: SmoothedRecord) -> list[FreeTime]:
     deepest = [turn for before, turn in pairwise(turns[:-1]) if x[turn] > x[before]]
     bounds = [0, *deepest, len(x)]
     floor = np.empty_like(f)
-    for part in (slice(*ends) for ends in pairwise(bounds)):
-        low = x[part] <= x[part].min() + LOWEST_POSITIONS * np.ptp(x[part])
-        since = record.t[part] - record.t[part][low].mean()
-        rate = float(since[low] @ f[part][low]) / max(float(since[low] @ since[low]), 1e-300)
-        f[part] -= rate * since
+    low_force, high = record.force_range
+    for start, end in pairwise(bounds):
+        part = slice(start, end)
+        low = start + np.flatnonzero(x[part] <= x[part].min() + LOWEST_POSITIONS * np.ptp(x[part]))
+        # medians, because the ends may be in contact with a damped body
+        (t_before, f_before), (t_after, f_after) = (
+            (float(np.median(record.t[half])), float(np.median(f[half])))
+            for half in (low[: len(low) // 2 + 1], low[len(low) // 2 :])
+        )
+        rate = (f_after - f_before) / max(t_after - t_before, record.period)
+        # in a part that begins or ends in contact, the lowest positions may be those of contact
+        if abs(rate) * np.ptp(record.t[part]) > LARGEST_PART_DRIFT * (high - low_force):
+            rate = 0.0
+        f[part] -= rate * (record.t[part] - 0.5 * (t_before + t_after))
         floor[part] = np.percentile(f[part], LOWEST_FORCES)
     free, _ = free_and_saturated(replace(record, f=f), x, level_width(record), floor)
     if free is None:
@@ -155,23 +165,29 @@ def times_out_of_contact(record: SmoothedRecord) -> list[FreeTime]:
 
 def drift_of(record: SmoothedRecord, free: list[FreeTime]) -> ForceDrift | None:
     """Return the drift through the times out of contact; None if it is not significant."""
-    if not free:
+    if len({one.number for one in free}) < 2:
         return None
     t, force, error, lowest, highest, number = np.array(free).T
+    numbers = np.unique(number)
+    t_means, means = (np.array([one[number == i].mean() for i in numbers]) for one in (t, force))
+    times = len(means)
     # slow noise differs between the parts of a time by more than the scatter in them states
-    apart = np.abs(np.diff(force))[np.diff(number) == 0.0]
+    rate = np.gradient(means, t_means)
+    rest = force - rate[np.searchsorted(numbers, number)] * t
+    apart = np.abs(np.diff(rest))[np.diff(number) == 0.0]
     error = np.maximum(error, max(np.median(error), 1.4826 * np.median(apart) / math.sqrt(2.0)))
     low, high = record.force_range
-    found = best_polynomial(record, t, force, error)
+    steps, scatter = (float(np.std(one)) for one in (np.diff(means), means))
+    roughness = float(np.hypot(steps, np.diff(means).mean())) / max(scatter, 1e-300)
+    if times > 2 and roughness > max(ROUGHEST_DRIFTS):
+        return None
+    found = best_polynomial(record, t, force, error, number)
     if found is None:
-        means = np.array([force[number == one].mean() for one in np.unique(number)])
-        if len(means) < 3 or lowest.max() > highest.min():
-            return None
-        steps, scatter = float(np.sqrt(np.mean(np.diff(means) ** 2))), float(np.std(means))
-        if not any(
-            steps < roughest * scatter and scatter > errors * error[0]
+        is_slow = any(
+            roughness < roughest and scatter > errors * error[0]
             for roughest, errors in ROUGHEST_DRIFTS.items()
-        ):
+        )
+        if times < 3 or not is_slow or lowest.max() > highest.min():
             return None
         # an import of scipy.interpolate takes longer than the evaluation of a short record
         from scipy.interpolate import PchipInterpolator
@@ -184,23 +200,29 @@ def drift_of(record: SmoothedRecord, free: list[FreeTime]) -> ForceDrift | None:
 
 
 def best_polynomial(
-    record: SmoothedRecord, t: Floats, force: Floats, error: Floats
+    record: SmoothedRecord, t: Floats, force: Floats, error: Floats, number: Floats
 ) -> Floats | None:
     """Return the polynomial of the highest significant degree at the times of the record [N].
 
     The result is None if no polynomial is significant, or if none describes the forces [N] at the
-    times t [s] within their errors.
+    times t [s] within their errors. `number` is the number of the time of each, whose parts are
+    not independent if the noise is slow.
     """
     found: Floats | None = None
     start, end = float(record.t[0]), float(record.t[-1])
     since, over_time = (2.0 * (each - start) / (end - start) - 1.0 for each in (t, record.t))
     tolerance = LARGEST_DRIFT_MISFIT * error[0]
-    for degree in range(1, min(HIGHEST_DRIFT_DEGREE, len(t) - FEWEST_SPARE_TIMES) + 1):
+    same_time = number[:, None] == np.unique(number)
+    times, parts = same_time.shape[1], same_time.sum(axis=0)
+    highest = max(1, min(HIGHEST_DRIFT_DEGREE, times - FEWEST_SPARE_TIMES))
+    for degree in range(1, highest + 1):
         powers = since[:, None] ** np.arange(degree + 1)
         orthogonal, triangular = np.linalg.qr(powers / error[:, None])
         along = orthogonal.T @ (force / error)
         rest = force / error - orthogonal @ along
-        scale = math.sqrt(max(1.0, float(rest @ rest) / (len(t) - degree - 1)))
+        of_parts = float(rest @ rest) / max(len(t) - degree - 1, 1)
+        of_times = float(np.sum((rest @ same_time) ** 2 / parts)) / max(times - degree - 1, 1)
+        scale = math.sqrt(max(1.0, of_parts, of_times))
         significant = np.linalg.norm(along[1:]) > DRIFT_ERRORS * scale
         if significant and abs(along[-1]) > TERM_ERRORS * scale:
             suits = float(np.sqrt(np.mean((rest * error) ** 2))) < tolerance

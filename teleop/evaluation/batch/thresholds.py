@@ -233,15 +233,17 @@ FEWEST_CLIPPED = 8
 
 LOWEST_FORCES = 1.0
 """Percentile of the force between two deepest positions that counts as its minimum [%]."""
-LOWEST_POSITIONS = 0.15
+LOWEST_POSITIONS = 0.05
 """Part of the travel between two deepest positions at which the drift in this time is estimated."""
+LARGEST_PART_DRIFT = 0.3
+"""Largest drift between two deepest positions, as a fraction of the range of the force."""
 FEWEST_FREE_SAMPLES = 4
 """Smallest number of samples in half of a time out of contact."""
 MOST_FREE_PARTS = 6
 """Largest number of parts of a time out of contact whose forces are averaged."""
 SHORTEST_FREE_SPAN = 0.5
 """Shortest time from the first to the last time out of contact, as a fraction of the record."""
-HIGHEST_DRIFT_DEGREE, FEWEST_SPARE_TIMES = 6, 2
+HIGHEST_DRIFT_DEGREE, FEWEST_SPARE_TIMES = 6, 3
 """Highest degree of a polynomial drift, and smallest difference of the number of times and it."""
 DRIFT_ERRORS, TERM_ERRORS = 6.0, 2.0
 """Smallest drift, and smallest term of its highest degree, in standard deviations. A term that is
@@ -249,7 +251,7 @@ not needed costs less than one that is left out."""
 LARGEST_DRIFT_MISFIT = 2.0
 """Largest difference of the forces out of contact from a polynomial drift (root mean square), in
 standard deviations of these forces. Beyond it, the drift is interpolated."""
-ROUGHEST_DRIFTS = {1.0: 3.0, 1.2: 10.0}
+ROUGHEST_DRIFTS = {1.0: 3.0, 1.35: 10.0}
 """Largest difference of successive mean forces out of contact, relative to their standard deviation
 (root mean squares), with which a drift is interpolated, and smallest such deviation in errors. The
 ratio is 1.4 for noise, and 1.2 for four times of which two are before a jump."""
