@@ -177,8 +177,8 @@ def drift_of(record: SmoothedRecord, free: list[FreeTime]) -> ForceDrift | None:
     apart = np.abs(np.diff(rest))[np.diff(number) == 0.0]
     error = np.maximum(error, max(np.median(error), 1.4826 * np.median(apart) / math.sqrt(2.0)))
     low, high = record.force_range
-    steps, scatter = (float(np.std(one)) for one in (np.diff(means), means))
-    roughness = float(np.hypot(steps, np.diff(means).mean())) / max(scatter, 1e-300)
+    scatter = float(np.std(means))
+    roughness = float(np.sqrt(np.mean(np.diff(means) ** 2))) / max(scatter, 1e-300)
     if times > 2 and roughness > max(ROUGHEST_DRIFTS):
         return None
     found = best_polynomial(record, t, force, error, number)
