@@ -13,13 +13,14 @@ from estimation.estimator import LEVEL_95
 from estimation.quantities import DAMPING, STIFFNESS
 from estimation.stiffening import Interval
 from estimation.transmission import TransmissionCalibration
-from teleop.evaluation.batch.candidate import FRICTION
+from teleop.evaluation.batch.candidate import FRICTION, Candidate
 from teleop.evaluation.batch.constancy import Change, LagDrift, rise_at_rest
 from teleop.evaluation.batch.contact_phases import Phases, adhesion, pull_off_force
 from teleop.evaluation.batch.depth import surface
 from teleop.evaluation.batch.extension_texts import phrases
 from teleop.evaluation.batch.local_stiffness import LocalStiffness
 from teleop.evaluation.batch.masks import runs
+from teleop.evaluation.batch.regression_rows import RegressionRows
 from teleop.evaluation.batch.sampling_checks import impossible_lag, opposite_signs
 from teleop.evaluation.batch.smoothed_record import SmoothedRecord
 from teleop.evaluation.batch.strokes import is_single_stroke, typical_speed
@@ -29,6 +30,7 @@ from teleop.evaluation.batch.thresholds import (
     BETTER_RESIDUAL,
     CONSTANT_SPEED,
     CREEP_NOISE,
+    DRIFT_OF_RESIDUAL,
     FEWEST_INDEPENDENT,
     FEWEST_SAMPLES_PER_CYCLE,
     FREE_SPEED,
@@ -413,11 +415,13 @@ def remarks(
             )
     found += contact_remarks(record, local)
     if local.r2 < BAD_FIT_R2:
-        found.append(
-            Reason(
-                f"bad fit: {1.0 - local.r2:.0%} of the force variance in contact is not explained"
+        text = f"bad fit: {1.0 - local.r2:.0%} of the force variance in contact is not explained"
+        if drift := drift_of_residual(record, phases, best):
+            text += (
+                f", because the force drifts by {abs(drift):.3g} N over the record. Expected more "
+                "cycles, with which a drift is removed"
             )
-        )
+        found.append(Reason(text))
     if local.baseline_size > SMALL_BASELINE * size:
         found.append(
             Reason(
@@ -441,6 +445,18 @@ def time_text(tau: Interval) -> str:
         return f"about {float(f'{tau.value:.1g}'):g} s"
     digits = max(1 - math.floor(math.log10(max(tau.high - tau.low, 1e-9))), 0)
     return f"{tau.value:.{digits}f} s [{tau.low:.{digits}f}, {tau.high:.{digits}f}]"
+
+
+def drift_of_residual(record: SmoothedRecord, phases: Phases, best: Candidate) -> float | None:
+    """Return the change over the record of a line through the residual of a model [N].
+
+    The result is None if the line is not the largest part of the residual.
+    """
+    t = record.clock[RegressionRows(record, phases).index]
+    line = np.polynomial.Polynomial.fit(t, best.residual, 1)
+    if float(np.var(line(t))) < DRIFT_OF_RESIDUAL * float(np.var(best.residual)):
+        return None
+    return float(line(record.clock[-1]) - line(record.clock[0]))
 
 
 def no_damping(

@@ -422,6 +422,9 @@ LEAST_DEPTH = 0.02
 """Smallest travel in contact with which k is fitted, as a fraction of the travel of the record."""
 BAD_FIT_R2 = 0.9
 """If R^2 of the best model is below this limit, a remark on the bad fit is made."""
+DRIFT_OF_RESIDUAL = 0.7
+"""Smallest part of the variance of the residual of a bad fit that is that of a line in time, with
+which a drift is named as its cause."""
 NO_RESULT_R2 = 0.8
 """If R^2 of the best model is below this limit, no stiffness is reported, provided that the record
 contains free motion or the misfit is structural (`STRUCTURAL_DEGREE`)."""

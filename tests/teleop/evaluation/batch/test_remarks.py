@@ -168,3 +168,16 @@ def test_softening_by_the_largest_depth_is_named_beside_relaxation():
     position = 0.5 * (depth + 5e-4) * (1.0 - np.cos(np.pi * t)) - 5e-4
     reasons = analyse(signals(t, position, f)).result.reasons
     assert any("relaxes" in one and "reached before" in one for one in reasons)
+
+
+def test_a_drift_that_few_cycles_do_not_separate_is_the_cause_of_the_bad_fit():
+    t = np.arange(0.0, 10.0, 5e-3)
+    x = 1e-3 * np.sin(2.0 * np.pi * 0.6 * t)
+    force = 1000.0 * x + 10.0 * np.gradient(x, t)
+    drifting = analyse(signals(t, x, force + 1.2 * t / 10.0)).result
+    (remark,) = (reason for reason in drifting.reasons if "bad fit" in reason)
+    change = float(remark.split("because the force drifts by ")[1].split()[0])
+    assert change == pytest.approx(1.2, rel=0.05)
+    assert drifting.k_low < 1000.0 < drifting.k_high
+    scattered = analyse(signals(t, x, force, 0.5)).result
+    assert not any("drifts" in reason for reason in scattered.reasons)
