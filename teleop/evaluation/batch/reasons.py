@@ -48,6 +48,7 @@ from teleop.evaluation.batch.thresholds import (
     LOADING_SPEED,
     LONGEST_LAG,
     LONGEST_LAG_SHARE,
+    NEAR_POSITION,
     NO_RESULT_R2,
     NOTABLE_CHANGE,
     NOTABLE_FORM,
@@ -58,6 +59,7 @@ from teleop.evaluation.batch.thresholds import (
     RELAXATION_MISFIT,
     SHORTEST_CREEP,
     SHORTEST_RELAXATION_HOLD,
+    SINGLE_SPEED,
     SMALL_BASELINE,
     SPEED_DEGREE,
     STEEPEST_LOSS,
@@ -520,6 +522,21 @@ def change_of_speed_with_depth(x: Floats, v: Floats, position: float) -> float |
     if float(np.std(rest)) > FREE_SPEED * float(np.sqrt(np.mean(v**2))):
         return None
     return abs(float(polynomial.deriv()((position - middle) / span))) / span
+
+
+def change_of_single_speed(x: Floats, v: Floats, position: float) -> float | None:
+    """Return |dv/dx| at a position that is passed in one direction with one speed [1/s].
+
+    The result is None if it is passed with different speeds. A damping that depends on depth then
+    has the same effect there as a stiffness, also if the speeds differ at other depths.
+    """
+    near = np.abs(x - position) < NEAR_POSITION * float(np.ptp(x))
+    if near.sum() < 3 or abs(np.sign(v[near]).sum()) < near.sum():
+        return None
+    line = np.polynomial.Polynomial.fit(x[near], v[near], 1)
+    if float(np.std(v[near] - line(x[near]))) > SINGLE_SPEED * float(np.mean(np.abs(v[near]))):
+        return None
+    return abs(float(line.deriv()(position)))
 
 
 def longest_hold(record: SmoothedRecord, phases: Phases) -> float:

@@ -42,6 +42,7 @@ from teleop.evaluation.batch.measured_point import Point, gap_at, measured_point
 from teleop.evaluation.batch.reasons import (
     DAMPING_NOT_RESOLVED,
     LAG,
+    change_of_single_speed,
     change_of_speed_with_depth,
     no_damping,
     reasons_after_fit,
@@ -318,8 +319,10 @@ def stiffness_result(
             )
         )
     along_depth = change_of_speed_with_depth(x, v, local.best.position)
-    half_k = math.hypot(half_k, (along_depth or 0.0) * (abs(local.b) + half_b))
     one_speed = along_depth is not None
+    if local.best.part(DEPTH_DAMPING) and not one_speed:
+        along_depth = change_of_single_speed(x, v, local.best.position)
+    half_k = math.hypot(half_k, (along_depth or 0.0) * (abs(local.b) + half_b))
     unusable = unknown = no_damping(v, local, half_b, drift, transmission, one_speed)
     if unknown:
         found.append(unknown)

@@ -425,6 +425,9 @@ BAD_FIT_R2 = 0.9
 DRIFT_OF_RESIDUAL = 0.7
 """Smallest part of the variance of the residual of a bad fit that is that of a line in time, with
 which a drift is named as its cause."""
+NEAR_POSITION, SINGLE_SPEED = 0.1, 0.1
+"""Distance from the position of k, as a fraction of the travel in contact, within which the speeds
+are compared, and their largest relative standard deviation that counts as one speed."""
 NO_RESULT_R2 = 0.8
 """If R^2 of the best model is below this limit, no stiffness is reported, provided that the record
 contains free motion or the misfit is structural (`STRUCTURAL_DEGREE`)."""

@@ -12,7 +12,7 @@ from scipy.signal import lfilter
 from estimation.transmission import TransmissionCalibration
 from teleop.evaluation.batch.analysis import analyse
 from teleop.evaluation.batch.local_stiffness import time_intervals
-from teleop.evaluation.batch.reasons import reasons_after_fit, time_text
+from teleop.evaluation.batch.reasons import change_of_single_speed, reasons_after_fit, time_text
 from teleop.evaluation.reading.signals import Signals, periods
 from teleop.output.result_tables import parameter_text, with_half
 from teleop.settings.trial_settings import TrialSettings
@@ -181,3 +181,13 @@ def test_a_drift_that_few_cycles_do_not_separate_is_the_cause_of_the_bad_fit():
     assert drifting.k_low < 1000.0 < drifting.k_high
     scattered = analyse(signals(t, x, force, 0.5)).result
     assert not any("drifts" in reason for reason in scattered.reasons)
+
+
+def test_a_position_that_is_passed_with_one_speed_does_not_separate_damping_and_stiffness():
+    x = np.linspace(0.0, 2e-3, 200)
+    loading = 3e-3 - x  # the tip becomes slower
+    assert change_of_single_speed(x, loading, 1e-3) == pytest.approx(1.0, rel=1e-6)
+    both = np.concatenate([x, x]), np.concatenate([loading, -loading])
+    assert change_of_single_speed(*both, 1e-3) is None
+    two_speeds = np.concatenate([x, x]), np.concatenate([loading, 2.0 * loading])
+    assert change_of_single_speed(*two_speeds, 1e-3) is None
