@@ -350,20 +350,20 @@ def analyse_checked(
     if analysis.local is None:
         return analysis
     moving = find_moving_contact(analysis.record, analysis.phases, analysis.local.best)
-    if moving is not None:
-        at_surface = moving.removed(signals)
-        text = Reason(moving.text)
-        if not moving.is_certain:
-            other = fitted(at_surface, transmission, faults)
-            return replace(analysis, result=with_alternative(analysis.result, other.result, text))
-        signals, faults = at_surface, (*faults, text)
+    if moving is not None and moving.is_certain:
+        signals, faults = moving.removed(signals), (*faults, Reason(moving.text))
         analysis = fitted(signals, transmission, faults)
         analysis = replace(analysis, result=with_moving_contact(analysis.result))
-    if transmission.lost_motion or analysis.local is None:
-        return analysis
-    found = find_lost_motion(analysis.record, analysis.phases, analysis.local.best)
+    found = None
+    if analysis.local is not None and not transmission.lost_motion:
+        found = find_lost_motion(analysis.record, analysis.phases, analysis.local.best)
     if found is None:
-        return analysis
+        if moving is None or moving.is_certain:
+            return analysis
+        other = fitted(moving.removed(signals), transmission, faults).result
+        result = with_alternative(analysis.result, other, Reason(moving.text))
+        return replace(analysis, result=result)
+    assert analysis.local is not None
     tip = signals._replace(x=found.tip(signals.x), measured_step=signals.step)
     known = replace(
         transmission,
