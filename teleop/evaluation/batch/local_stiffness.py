@@ -360,8 +360,8 @@ def relaxation_times(
 
     The intervals contain the time constants of the other models with as many relaxing parts that
     are not clearly worse. The derivatives of the relaxing parts z to the logarithms of the time
-    constants are further regressors. The derivative w of z to tau satisfies w' = z / tau^2 - w /
-    tau.
+    constants are further regressors. The derivative w of z to a time constant tau satisfies
+    w' = z / tau^2 - w / tau.
     """
     if not best.times or best.is_storage:
         return ()

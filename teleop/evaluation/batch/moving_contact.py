@@ -149,9 +149,9 @@ def find_moving_contact(
 ) -> MovingContact | None:
     """Return the motion of the contact point; None if there is no evidence for any.
 
-    It is not certain if a surface that rests describes the force as well with relaxation, which
-    looks like a surface that recedes.
-    `resting_best` is the best model of the force with a surface that rests.
+    `resting_best` is the best model of the force with a surface that rests. The motion is not
+    certain if that model describes the force as well with relaxation: the force of a tissue that
+    relaxes falls like that of a surface that recedes.
     """
     if phases.free_force is None:
         return None
@@ -220,12 +220,14 @@ class PressModels:
             for times, in_steps in ((middles, True), (middles, False), (both, False))
             if len(times) < SHARE_OF_ROWS * len(self._rows.index)
         ]
+        if not moves:
+            return found
         # a motion in each press that is reversed after it describes the relaxation in the press
-        steady = MOST_REVERSALS * (1.0 if moves else math.inf)
         return [
             one
             for one in found
-            if len(one.over_presses.times) == len(middles) or one.over_presses.reversals < steady
+            if len(one.over_presses.times) == len(middles)
+            or one.over_presses.reversals < MOST_REVERSALS
         ]
 
     def error(self, fit: PressFit) -> float:

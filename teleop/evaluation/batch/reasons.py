@@ -527,8 +527,8 @@ def change_of_speed_with_depth(x: Floats, v: Floats, position: float) -> float |
 def change_of_single_speed(x: Floats, v: Floats, position: float) -> float | None:
     """Return |dv/dx| at a position that is passed in one direction with one speed [1/s].
 
-    The result is None if it is passed with different speeds. A damping that depends on depth then
-    has the same effect there as a stiffness, also if the speeds differ at other depths.
+    At one speed, a damping that depends on depth has the same effect there as a stiffness, also if
+    the speeds differ at other depths. The result is None if it is passed with different speeds.
     """
     near = np.abs(x - position) < NEAR_POSITION * float(np.ptp(x))
     if near.sum() < 3 or abs(np.sign(v[near]).sum()) < near.sum():

@@ -238,7 +238,7 @@ LOWEST_POSITIONS = 0.05
 LARGEST_PART_DRIFT = 0.3
 """Largest drift between two deepest positions, as a fraction of the range of the force."""
 FEWEST_FREE_SAMPLES = 4
-"""Smallest number of samples in half of a time out of contact."""
+"""Smallest number of samples in each part of a time out of contact."""
 MOST_FREE_PARTS = 6
 """Largest number of parts of a time out of contact whose forces are averaged."""
 SHORTEST_FREE_SPAN = 0.5
